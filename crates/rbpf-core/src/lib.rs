@@ -1,0 +1,1 @@
+//! Rao-Blackwellized particle filter: log weights, resampling, copy-on-write maps, counter-based random streams.

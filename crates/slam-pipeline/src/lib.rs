@@ -1,0 +1,3 @@
+//! Monocular landmark SLAM for wheeled robots.
+
+pub mod record;

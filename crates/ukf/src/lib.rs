@@ -1,0 +1,1 @@
+//! Unscented transform and unscented Kalman filter on manifolds, no_std.
