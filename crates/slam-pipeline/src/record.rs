@@ -1,7 +1,7 @@
 //! What a run leaves behind: plain values, no behaviour, the one vocabulary of
 //! writers, report and evaluation.
 //!
-//! The frame loop fills a [`RunRecord`]; [`crate::output`] writes it, the
+//! The frame loop fills a [`RunRecord`]; `output` writes it, the
 //! report page draws it. Times in these values are measured by the caller of
 //! the frame loop and never feed back into the estimate.
 
