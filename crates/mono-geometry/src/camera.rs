@@ -1,0 +1,233 @@
+//! Cameras: from a point in camera axes (x right, y down, z forward, metres) to a pixel and back.
+//!
+//! Pixel (0, 0) is the centre of the top-left pixel, so the image covers [-0.5, width - 0.5] x [-0.5, height - 0.5].
+//! A [`Camera`] is a [`Pinhole`] behind a lens ([`Distortion`]). Two kinds of pixel must not be mixed:
+//!
+//! - the *distorted* pixel, where a feature is found in the image: [`Camera::project`], [`Camera::undistort`];
+//! - the *ideal* pixel, where the same ray would meet the image of the bare pinhole: [`Camera::undistort_pixel`],
+//!   [`Pinhole::project`]. Filters, triangulation and epipolar geometry work in ideal pixels: the lens is taken out
+//!   once per feature.
+//!
+//! Degenerate: points with z <= 0, and points beyond the fold of the lens model, have no pixel (`None`).
+
+use nalgebra::{Matrix2x3, Vector2, Vector3};
+
+use crate::distortion::Distortion;
+use crate::error::{GeometryError, checked};
+
+/// Ideal pinhole intrinsics; pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pinhole {
+    /// Image width, pixels.
+    pub width: usize,
+    /// Image height, pixels.
+    pub height: usize,
+    /// Focal length along x, pixels.
+    pub fx: f64,
+    /// Focal length along y, pixels.
+    pub fy: f64,
+    /// Principal point, x, pixels.
+    pub cx: f64,
+    /// Principal point, y, pixels.
+    pub cy: f64,
+}
+
+impl Pinhole {
+    /// Ideal pixel of a point in camera axes; `None` unless it is in front of the camera and its pixel finite. O(1).
+    #[must_use]
+    pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
+        normalize(point_in_camera).map(|normalized| self.pixel(&normalized))
+    }
+
+    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre).
+    #[must_use]
+    pub fn project_with_jacobian(
+        &self,
+        point_in_camera: &Vector3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+        let normalized = normalize(point_in_camera)?;
+        let mut jacobian = normalize_jacobian(&normalized, point_in_camera.z);
+        jacobian.row_mut(0).scale_mut(self.fx);
+        jacobian.row_mut(1).scale_mut(self.fy);
+        Some((self.pixel(&normalized), jacobian))
+    }
+
+    /// Ideal pixel of a normalised point (X/Z, Y/Z).
+    #[must_use]
+    pub fn pixel(&self, normalized: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(
+            self.fx * normalized.x + self.cx,
+            self.fy * normalized.y + self.cy,
+        )
+    }
+
+    /// Normalised point (X/Z, Y/Z) of an ideal pixel.
+    #[must_use]
+    pub fn normalize(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy)
+    }
+
+    /// Unit ray in camera axes through an ideal pixel.
+    #[must_use]
+    pub fn bearing(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
+        let normalized = self.normalize(pixel);
+        Vector3::new(normalized.x, normalized.y, 1.0).normalize()
+    }
+
+    /// Whether a pixel is inside the image by at least `margin_px` (negative: outside by at most that much).
+    ///
+    /// The border is that of the outermost pixels' squares, half a pixel beyond their centres. False for NaN.
+    #[must_use]
+    pub fn contains(&self, pixel: &Vector2<f64>, margin_px: f64) -> bool {
+        let low = margin_px - 0.5;
+        pixel.x >= low
+            && pixel.y >= low
+            && pixel.x <= self.width as f64 - 1.0 - low
+            && pixel.y <= self.height as f64 - 1.0 - low
+    }
+
+    fn check(&self) -> Result<(), GeometryError> {
+        checked("width (px)", self.width as f64, "above 0", |v| v > 0.0)?;
+        checked("height (px)", self.height as f64, "above 0", |v| v > 0.0)?;
+        checked("fx (px)", self.fx, "finite and above 0", |v| v > 0.0)?;
+        checked("fy (px)", self.fy, "finite and above 0", |v| v > 0.0)?;
+        checked("cx (px)", self.cx, "finite", |_| true)?;
+        checked("cy (px)", self.cy, "finite", |_| true)?;
+        Ok(())
+    }
+}
+
+/// A checked camera: pinhole and lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    pinhole: Pinhole,
+    distortion: Distortion,
+    field_radius: f64,
+}
+
+impl Camera {
+    /// Checks the parameters and finds the invertible field of the lens.
+    ///
+    /// # Errors
+    /// [`GeometryError::InvalidParameter`] naming the parameter: size zero, focal length not positive, anything not
+    /// finite.
+    pub fn new(pinhole: Pinhole, distortion: Distortion) -> Result<Self, GeometryError> {
+        pinhole.check()?;
+        distortion.check()?;
+        Ok(Self {
+            pinhole,
+            distortion,
+            field_radius: distortion.field_radius(),
+        })
+    }
+
+    /// The intrinsics, and the camera for ideal pixels.
+    #[must_use]
+    pub fn pinhole(&self) -> &Pinhole {
+        &self.pinhole
+    }
+
+    /// The lens model.
+    #[must_use]
+    pub fn distortion(&self) -> &Distortion {
+        &self.distortion
+    }
+
+    /// Distorted pixel of a point in camera axes.
+    ///
+    /// `None` behind the camera (z <= 0), beyond the fold of the lens model, or if the pixel is not finite. The pixel
+    /// may be outside the image: see [`Self::contains`]. O(1).
+    #[must_use]
+    pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let normalized = normalize(point_in_camera)?;
+        self.sees(&normalized)
+            .then(|| self.distort(&normalized))
+            .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
+    }
+
+    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre).
+    #[must_use]
+    pub fn project_with_jacobian(
+        &self,
+        point_in_camera: &Vector3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+        let normalized = normalize(point_in_camera)?;
+        if !self.sees(&normalized) {
+            return None;
+        }
+        let (distorted, lens) = self.distortion.distort_with_jacobian(&normalized);
+        let mut jacobian = lens * normalize_jacobian(&normalized, point_in_camera.z);
+        jacobian.row_mut(0).scale_mut(self.pinhole.fx);
+        jacobian.row_mut(1).scale_mut(self.pinhole.fy);
+        let pixel = self.pinhole.pixel(&distorted);
+        pixel
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some((pixel, jacobian))
+    }
+
+    /// Distorted pixel of a normalised, undistorted point.
+    #[must_use]
+    pub fn distort(&self, normalized: &Vector2<f64>) -> Vector2<f64> {
+        self.pinhole.pixel(&self.distortion.distort(normalized))
+    }
+
+    /// Normalised, undistorted point of a distorted pixel, by Newton's method to 1e-12 (about 1e-9 px).
+    ///
+    /// # Errors
+    /// [`GeometryError::OutsideInvertibleField`] if the lens model maps no point inside its fold to this pixel.
+    pub fn undistort(&self, pixel: &Vector2<f64>) -> Result<Vector2<f64>, GeometryError> {
+        self.distortion
+            .undistort_within(&self.pinhole.normalize(pixel), self.field_radius)
+    }
+
+    /// Ideal pixel of a distorted pixel.
+    ///
+    /// # Errors
+    /// As [`Self::undistort`].
+    pub fn undistort_pixel(&self, pixel: &Vector2<f64>) -> Result<Vector2<f64>, GeometryError> {
+        Ok(self.pinhole.pixel(&self.undistort(pixel)?))
+    }
+
+    /// Distorted pixel of an ideal pixel.
+    #[must_use]
+    pub fn distort_pixel(&self, ideal_pixel: &Vector2<f64>) -> Vector2<f64> {
+        self.distort(&self.pinhole.normalize(ideal_pixel))
+    }
+
+    /// Whether a (distorted) pixel is inside the image by at least `margin_px`; see [`Pinhole::contains`].
+    #[must_use]
+    pub fn contains(&self, pixel: &Vector2<f64>, margin_px: f64) -> bool {
+        self.pinhole.contains(pixel, margin_px)
+    }
+
+    fn sees(&self, normalized: &Vector2<f64>) -> bool {
+        normalized.norm() < self.field_radius
+    }
+}
+
+/// (X/Z, Y/Z), `None` unless z > 0 and the quotient is finite.
+fn normalize(point: &Vector3<f64>) -> Option<Vector2<f64>> {
+    if point.z > 0.0 {
+        let normalized = Vector2::new(point.x / point.z, point.y / point.z);
+        normalized
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some(normalized)
+    } else {
+        None
+    }
+}
+
+/// Derivative of (X/Z, Y/Z) with respect to the point.
+fn normalize_jacobian(normalized: &Vector2<f64>, z: f64) -> Matrix2x3<f64> {
+    let inverse = 1.0 / z;
+    Matrix2x3::new(
+        inverse,
+        0.0,
+        -normalized.x * inverse,
+        0.0,
+        inverse,
+        -normalized.y * inverse,
+    )
+}

@@ -1,0 +1,92 @@
+//! The one error type of the crate: what was given, and what would have been accepted.
+
+/// Why a geometric quantity could not be built or computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GeometryError {
+    /// A scalar parameter is outside its range (or not finite).
+    #[error("{name} is {value}, required: {required}")]
+    InvalidParameter {
+        /// Name of the parameter, with its unit if it has one.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// The accepted range, in words.
+        required: &'static str,
+    },
+    /// A pixel or distorted point has no undistorted counterpart: the lens model folds over before it.
+    #[error(
+        "distorted point ({x}, {y}) is outside the invertible field of the lens model: residual {residual} after {iterations} Newton steps, tolerance {tolerance}"
+    )]
+    OutsideInvertibleField {
+        /// Distorted normalised x, without unit.
+        x: f64,
+        /// Distorted normalised y, without unit.
+        y: f64,
+        /// Best residual reached, in normalised units.
+        residual: f64,
+        /// Newton steps taken.
+        iterations: usize,
+        /// Residual that would have been accepted.
+        tolerance: f64,
+    },
+    /// A 3x3 matrix is not a proper rotation.
+    #[error(
+        "not a rotation: largest entry of |R^T R - I| is {deviation} (at most {tolerance}), determinant {determinant} (required: +1)"
+    )]
+    NotARotation {
+        /// Largest absolute entry of `R^T R - I`.
+        deviation: f64,
+        /// Largest deviation accepted.
+        tolerance: f64,
+        /// Determinant of the matrix.
+        determinant: f64,
+    },
+    /// A symmetric matrix is not positive definite.
+    #[error("not positive definite: pivot {pivot} is {value}, required: above {required}")]
+    NotPositiveDefinite {
+        /// Index of the first offending pivot.
+        pivot: usize,
+        /// Its value.
+        value: f64,
+        /// The value it must exceed.
+        required: f64,
+    },
+    /// Matrix sizes do not fit together.
+    #[error("matrix has {rows} rows and {columns} columns, required: {required}")]
+    Shape {
+        /// Rows given.
+        rows: usize,
+        /// Columns given.
+        columns: usize,
+        /// What fits, in words.
+        required: &'static str,
+    },
+    /// A decomposition met a NaN or an infinity, or did not converge.
+    #[error(
+        "singular value decomposition of a {rows}x{columns} matrix failed, required: finite entries"
+    )]
+    Svd {
+        /// Rows of the matrix.
+        rows: usize,
+        /// Columns of the matrix.
+        columns: usize,
+    },
+}
+
+/// `value` if it is finite and `accept` holds, the named error otherwise.
+pub(crate) fn checked(
+    name: &'static str,
+    value: f64,
+    required: &'static str,
+    accept: impl Fn(f64) -> bool,
+) -> Result<f64, GeometryError> {
+    if value.is_finite() && accept(value) {
+        Ok(value)
+    } else {
+        Err(GeometryError::InvalidParameter {
+            name,
+            value,
+            required,
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! Rigid motions of space SE(3): camera poses.
+//!
+//! `a_from_b` maps points of frame b to frame a, p -> R p + t. A twist is (rho, omega), translation first as in
+//! [`crate::Se2`]: exp(rho, omega) = (exp(omega), J_l(omega) rho). Perturbations are taken at the right,
+//! pose = mean * exp(delta), so delta lives in the axes of the source frame (the camera's own axes for
+//! `world_from_camera`). Formulas: Solà, Deray and Atchuthan (2018).
+
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
+
+use crate::so3;
+
+/// A rigid motion; metres. The rotation type keeps the matrix orthonormal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Se3 {
+    /// Rotation from the source to the destination axes.
+    pub rotation: Rotation3<f64>,
+    /// Origin of the source frame in destination axes, metres.
+    pub translation: Vector3<f64>,
+}
+
+impl Default for Se3 {
+    fn default() -> Self {
+        Self::identity()
+    }
+}
+
+impl Se3 {
+    /// The motion that does nothing.
+    #[must_use]
+    pub fn identity() -> Self {
+        Self {
+            rotation: Rotation3::identity(),
+            translation: Vector3::zeros(),
+        }
+    }
+
+    /// A motion from its rotation and translation.
+    #[must_use]
+    pub fn new(rotation: Rotation3<f64>, translation: Vector3<f64>) -> Self {
+        Self {
+            rotation,
+            translation,
+        }
+    }
+
+    /// Motion of a twist (rho, omega) held for unit time. O(1).
+    #[must_use]
+    pub fn exp(twist: &Vector6<f64>) -> Self {
+        let (rho, omega) = split(twist);
+        Self {
+            rotation: so3::exp(&omega),
+            translation: so3::left_jacobian(&omega) * rho,
+        }
+    }
+
+    /// The twist with rotation angle at most pi whose [`Self::exp`] is this motion. O(1).
+    #[must_use]
+    pub fn log(&self) -> Vector6<f64> {
+        let omega = so3::log(&self.rotation);
+        let rho = so3::left_jacobian_inverse(&omega) * self.translation;
+        Vector6::new(rho.x, rho.y, rho.z, omega.x, omega.y, omega.z)
+    }
+
+    /// `a_from_b.compose(&b_from_c)` is `a_from_c`.
+    #[must_use]
+    pub fn compose(&self, other: &Self) -> Self {
+        Self {
+            rotation: self.rotation * other.rotation,
+            translation: self.transform_point(&other.translation),
+        }
+    }
+
+    /// `b_from_a` of `a_from_b`.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.inverse();
+        Self {
+            rotation,
+            translation: -(rotation * self.translation),
+        }
+    }
+
+    /// Maps a point of the source frame to the destination frame.
+    #[must_use]
+    pub fn transform_point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation * point + self.translation
+    }
+
+    /// Derivative of `self * exp(delta) * point` with respect to delta = (rho, omega) at zero (3x6).
+    #[must_use]
+    pub fn point_jacobian(&self, point: &Vector3<f64>) -> Matrix3x6<f64> {
+        let rotation = self.rotation.matrix();
+        let mut jacobian = Matrix3x6::zeros();
+        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&(-rotation * so3::hat(point)));
+        jacobian
+    }
+
+    /// Derivative of `(self * exp(delta))^-1 * point` with respect to delta = (rho, omega) at zero (3x6): how a point
+    /// moves in the camera when `world_from_camera` is perturbed in the camera's axes.
+    #[must_use]
+    pub fn inverse_point_jacobian(&self, point: &Vector3<f64>) -> Matrix3x6<f64> {
+        let local = self.rotation.inverse() * (point - self.translation);
+        let mut jacobian = Matrix3x6::zeros();
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&-Matrix3::identity());
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&so3::hat(&local));
+        jacobian
+    }
+
+    /// Adjoint: exp(Ad twist) = self * exp(twist) * self^-1 (6x6).
+    #[must_use]
+    pub fn adjoint(&self) -> Matrix6<f64> {
+        let rotation = self.rotation.matrix();
+        let mut adjoint = Matrix6::zeros();
+        adjoint.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+        adjoint.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
+        adjoint
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&(so3::hat(&self.translation) * rotation));
+        adjoint
+    }
+}
+
+fn split(twist: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    (
+        Vector3::new(twist[0], twist[1], twist[2]),
+        Vector3::new(twist[3], twist[4], twist[5]),
+    )
+}

