@@ -3,21 +3,38 @@
 //! Everything is `f64`. Transforms are named destination_from_source; body axes are x forward, y left, z up; camera
 //! axes x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel. Angles are radians, lengths
 //! metres. Nothing here prints, reads a clock or draws a random number, and no input makes it panic.
+//!
+//! In reading order: [`angle`], [`se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
+//! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`], [`epipolar`] (from pixels back to the
+//! world); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
 pub mod camera;
 pub mod distortion;
+pub mod epipolar;
 pub mod error;
+pub mod inverse_depth;
 pub mod linalg;
+pub mod motion;
 pub mod mount;
 pub mod se2;
 pub mod se3;
 mod series;
 pub mod so3;
+pub mod triangulation;
 
 pub use camera::{Camera, Pinhole};
 pub use distortion::Distortion;
+pub use epipolar::EpipolarPair;
 pub use error::GeometryError;
+pub use inverse_depth::InverseDepthPoint;
+pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
 pub use se2::Se2;
 pub use se3::Se3;
+pub use triangulation::{Acceptance, Observation, Rejection, Triangulated, triangulate};
+
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+#[derive(Debug)]
+pub struct ReadmeDoctests;

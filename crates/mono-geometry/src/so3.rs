@@ -92,7 +92,7 @@ pub fn rotation_from_matrix(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>, Geo
     };
     let determinant = matrix.determinant();
     if deviation <= ROTATION_TOLERANCE && determinant > 0.0 {
-        Ok(nearest_rotation(matrix))
+        nearest_rotation(matrix)
     } else {
         Err(GeometryError::NotARotation {
             deviation,

@@ -71,7 +71,8 @@ fn numeric(camera: &Camera, point: &Vector3<f64>) -> Matrix2x3<f64> {
         let mut minus = *point;
         plus[j] += step;
         minus[j] -= step;
-        let difference = camera.project(&plus).unwrap() - camera.project(&minus).unwrap();
+        let pixel = |p: &Vector3<f64>| camera.project(p).expect("in front of the camera");
+        let difference = pixel(&plus) - pixel(&minus);
         jacobian.set_column(j, &(difference / (2.0 * step)));
     }
     jacobian

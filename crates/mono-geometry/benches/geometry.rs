@@ -1,0 +1,78 @@
+//! The operations a frame repeats by the thousand: projection with its Jacobian, undistortion, triangulation.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use mono_geometry::linalg::svd;
+use mono_geometry::{
+    Acceptance, Camera, Distortion, InverseDepthPoint, Mount, Observation, Pinhole, Se2,
+    triangulate,
+};
+use nalgebra::{DMatrix, Vector2, Vector3};
+
+fn benches(criterion: &mut Criterion) {
+    let pinhole = Pinhole {
+        width: 320,
+        height: 240,
+        fx: 368.8262,
+        fy: 369.90239,
+        cx: 159.67029,
+        cy: 121.54136,
+    };
+    let lens = Distortion::Radtan {
+        k1: -0.28,
+        k2: 0.07,
+        p1: 2e-4,
+        p2: 2e-5,
+        k3: 0.0,
+    };
+    let camera = Camera::new(pinhole, lens).expect("valid");
+    let point = Vector3::new(0.3, -0.2, 2.0);
+    criterion.bench_function("project_radtan_with_jacobian", |b| {
+        b.iter(|| camera.project_with_jacobian(black_box(&point)));
+    });
+    criterion.bench_function("project_pinhole_with_jacobian", |b| {
+        b.iter(|| pinhole.project_with_jacobian(black_box(&point)));
+    });
+    let pixel = Vector2::new(20.0, 215.0);
+    criterion.bench_function("undistort_pixel_radtan", |b| {
+        b.iter(|| camera.undistort_pixel(black_box(&pixel)));
+    });
+
+    let mount = Mount::forward();
+    let landmark = Vector3::new(2.0, 0.1, 0.2);
+    for views in [2_u32, 10] {
+        let observations: Vec<_> = (0..views)
+            .map(|k| {
+                let y = 0.4 * f64::from(k) / f64::from(views - 1);
+                let camera_from_world = mount
+                    .world_from_camera(&Se2::new(0.0, y, 0.0), 0.0, 0.0, 0.0)
+                    .inverse();
+                let seen = pinhole
+                    .project(&camera_from_world.transform_point(&landmark))
+                    .expect("in front");
+                Observation {
+                    camera_from_world,
+                    pixel_ideal: seen + Vector2::new(0.3, -0.2) * f64::from(k % 3),
+                    sigma_px: 0.5,
+                }
+            })
+            .collect();
+        criterion.bench_function(&format!("triangulate_{views}_views"), |b| {
+            b.iter(|| triangulate(&pinhole, black_box(&observations), &Acceptance::default()));
+        });
+    }
+
+    let anchor = mount.world_from_camera(&Se2::identity(), 0.0, 0.0, 0.0);
+    let view = mount.world_from_camera(&Se2::new(0.1, 0.2, 0.05), 0.0, 0.0, 0.0);
+    let anchored = InverseDepthPoint::from_pixel(&pinhole, &anchor, &pixel, 0.5);
+    criterion.bench_function("predict_inverse_depth", |b| {
+        b.iter(|| anchored.predict(&pinhole, black_box(&view)));
+    });
+
+    let matrix = DMatrix::from_fn(8, 9, |i, j| ((i * 9 + j) as f64 * 0.7).sin());
+    criterion.bench_function("svd_8x9", |b| b.iter(|| svd(black_box(&matrix))));
+}
+
+criterion_group!(geometry, benches);
+criterion_main!(geometry);
