@@ -154,34 +154,35 @@ impl Distortion {
     ) -> Result<Vector2<f64>, GeometryError> {
         let radius = distorted.norm();
         let tolerance = UNDISTORT_TOLERANCE * (1.0 + radius);
-        let fail = |residual, iterations| {
+        let fail = |point: Vector2<f64>, residual: f64| {
             Err(GeometryError::OutsideInvertibleField {
                 x: distorted.x,
                 y: distorted.y,
+                radius: point.norm(),
+                field_radius,
                 residual,
-                iterations,
                 tolerance,
             })
         };
         if !radius.is_finite() {
-            return fail(f64::NAN, 0);
+            return fail(*distorted, f64::NAN);
         }
         if *self == Self::None || radius == 0.0 && !self.has_tangential() {
             return Ok(*distorted);
         }
         let mut point = distorted * self.radial_start(radius, field_radius);
         let mut residual = self.distort(&point) - distorted;
-        for iteration in 0..UNDISTORT_MAX_ITERATIONS {
+        for _ in 0..UNDISTORT_MAX_ITERATIONS {
             let (_, jacobian) = self.distort_with_jacobian(&point);
             if residual.norm() <= tolerance {
                 return if point.norm() < field_radius && jacobian.determinant() > 0.0 {
                     Ok(point)
                 } else {
-                    fail(residual.norm(), iteration)
+                    fail(point, residual.norm())
                 };
             }
             let Some(step) = jacobian.lu().solve(&residual) else {
-                return fail(residual.norm(), iteration);
+                return fail(point, residual.norm());
             };
             // Halve the step until the residual falls: a full step near the fold jumps to the other branch.
             let mut scale = 1.0;
@@ -192,12 +193,12 @@ impl Distortion {
                 (remaining.norm() < residual.norm()).then_some((candidate, remaining))
             });
             let Some((candidate, remaining)) = accepted else {
-                return fail(residual.norm(), iteration);
+                return fail(point, residual.norm());
             };
             point = candidate;
             residual = remaining;
         }
-        fail(residual.norm(), UNDISTORT_MAX_ITERATIONS)
+        fail(point, residual.norm())
     }
 
     /// All coefficients finite, or the error naming the one that is not.

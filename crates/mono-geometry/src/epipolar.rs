@@ -1,6 +1,6 @@
 //! The epipolar constraint between two views with known poses.
 //!
-//! A point seen at p1 in the first view lies in the second on the line F p1, with F = K^-T [t]x R K^-1 of the motion
+//! A point seen at p1 in the first view lies in the second on the line F p1, with F = `K^-T [t]x R K^-1` of the motion
 //! second_from_first = (R, t). The paper scores a match by the sum of the two point-to-line distances (Eq. 30),
 //! [`EpipolarPair::symmetric_distance_px`]: linear, without a sigma, twice the same information. The Sampson distance
 //! (first-order distance of the pair from the manifold p2^T F p1 = 0; Sampson 1982, Hartley and Zisserman 11.4.3) is one
@@ -16,7 +16,7 @@ use crate::camera::Pinhole;
 use crate::se3::Se3;
 use crate::so3::hat;
 
-/// E = [t / |t|]x R of the motion from the first camera to the second; singular values (1, 1, 0).
+/// E = `[t / |t|]x R` of the motion from the first camera to the second; singular values (1, 1, 0).
 ///
 /// `None` without a baseline, or if a number is not finite. O(1).
 #[must_use]
@@ -73,10 +73,17 @@ impl EpipolarPair {
             .translation
             .norm()
             .max(world_from_second.translation.norm());
-        if !(baseline_m > 16.0 * f64::EPSILON * reach) {
+        // NaN is no baseline either.
+        let apart = baseline_m > 16.0 * f64::EPSILON * reach;
+        if !apart {
             return None;
         }
-        let second_from_first = world_from_second.inverse().compose(world_from_first);
+        // The difference first: composing the poses would cancel far from the origin.
+        let second_from_world = world_from_second.rotation.inverse();
+        let second_from_first = Se3::new(
+            second_from_world * world_from_first.rotation,
+            second_from_world * (world_from_first.translation - world_from_second.translation),
+        );
         Some(Self {
             fundamental: fundamental(pinhole, &second_from_first)?,
             baseline_m,

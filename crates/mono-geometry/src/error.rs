@@ -15,17 +15,19 @@ pub enum GeometryError {
     },
     /// A pixel or distorted point has no undistorted counterpart: the lens model folds over before it.
     #[error(
-        "distorted point ({x}, {y}) is outside the invertible field of the lens model: residual {residual} after {iterations} Newton steps, tolerance {tolerance}"
+        "distorted point ({x}, {y}) is outside the invertible field of the lens model: the nearest source, at radius {radius} (required: below {field_radius}), leaves {residual} (required: at most {tolerance})"
     )]
     OutsideInvertibleField {
         /// Distorted normalised x, without unit.
         x: f64,
         /// Distorted normalised y, without unit.
         y: f64,
-        /// Best residual reached, in normalised units.
+        /// Radius of the best undistorted point found, normalised units.
+        radius: f64,
+        /// Radius at which the lens model folds over.
+        field_radius: f64,
+        /// What is left between its image and the distorted point, normalised units.
         residual: f64,
-        /// Newton steps taken.
-        iterations: usize,
         /// Residual that would have been accepted.
         tolerance: f64,
     },

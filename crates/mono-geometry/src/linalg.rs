@@ -89,13 +89,22 @@ pub fn svd(matrix: &DMatrix<f64>) -> Result<Svd, GeometryError> {
     })
 }
 
-/// SVD of a 3x3 matrix: U, singular values (descending), V^T. O(1).
+/// SVD of a 3x3 matrix, A = U diag(s) V^T.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Svd3 {
+    /// U, orthogonal.
+    pub u: Matrix3<f64>,
+    /// Singular values, descending.
+    pub singular_values: Vector3<f64>,
+    /// V^T, orthogonal.
+    pub v_transposed: Matrix3<f64>,
+}
+
+/// SVD of a 3x3 matrix. O(1).
 ///
 /// # Errors
 /// [`GeometryError::Svd`] for NaN or infinite entries.
-pub fn svd3(
-    matrix: &Matrix3<f64>,
-) -> Result<(Matrix3<f64>, Vector3<f64>, Matrix3<f64>), GeometryError> {
+pub fn svd3(matrix: &Matrix3<f64>) -> Result<Svd3, GeometryError> {
     let fail = GeometryError::Svd {
         rows: 3,
         columns: 3,
@@ -109,7 +118,11 @@ pub fn svd3(
     )]
     let svd = matrix.svd(true, true);
     match (svd.u, svd.v_t) {
-        (Some(u), Some(v_t)) => Ok((u, svd.singular_values, v_t)),
+        (Some(u), Some(v_transposed)) => Ok(Svd3 {
+            u,
+            singular_values: svd.singular_values,
+            v_transposed,
+        }),
         _ => Err(fail),
     }
 }
@@ -130,7 +143,7 @@ pub struct NullVector {
 /// argmin |A x| over |x| = 1 for an m x n matrix, n >= 2, any m >= 1. O(max(m, n) n^2).
 ///
 /// # Errors
-/// As [`svd`]; [`GeometryError::Shape`] for fewer than two columns.
+/// As [`svd()`]; [`GeometryError::Shape`] for fewer than two columns.
 pub fn null_vector(matrix: &DMatrix<f64>) -> Result<NullVector, GeometryError> {
     let (rows, columns) = matrix.shape();
     if columns < 2 {
@@ -170,7 +183,7 @@ pub struct LeastSquares {
 /// argmin |A x - b| for an m x n matrix of any shape and rank, by SVD. O(m n min(m, n)).
 ///
 /// # Errors
-/// As [`svd`]; [`GeometryError::Shape`] if `b` has not m entries, [`GeometryError::InvalidParameter`] if one of them is
+/// As [`svd()`]; [`GeometryError::Shape`] if `b` has not m entries, [`GeometryError::InvalidParameter`] if one of them is
 /// not finite.
 pub fn lstsq(matrix: &DMatrix<f64>, b: &DVector<f64>) -> Result<LeastSquares, GeometryError> {
     let (rows, columns) = matrix.shape();
@@ -212,16 +225,15 @@ pub fn lstsq(matrix: &DMatrix<f64>, b: &DVector<f64>) -> Result<LeastSquares, Ge
 /// Cholesky factorisation of a symmetric positive definite matrix; only the lower triangle is read. O(N^3).
 ///
 /// # Errors
-/// [`GeometryError::NotPositiveDefinite`] with the first pivot at or below N eps times the largest diagonal entry (or
-/// NaN): below that the pivot is rounding error.
+/// [`GeometryError::NotPositiveDefinite`] with the first pivot at or below N eps times its diagonal entry (or NaN): below that
+/// the pivot is rounding error. The test does not depend on the units of the variables.
 pub fn cholesky<const N: usize>(
     matrix: &SMatrix<f64, N, N>,
 ) -> Result<Cholesky<f64, Const<N>>, GeometryError> {
-    let largest = matrix.diagonal().iter().fold(0.0_f64, |m, v| m.max(*v));
-    let required = N as f64 * f64::EPSILON * largest;
     let mut lower = SMatrix::<f64, N, N>::zeros();
     for j in 0..N {
         let mut value = matrix[(j, j)];
+        let required = N as f64 * f64::EPSILON * value.max(0.0);
         for k in 0..j {
             value -= lower[(j, k)] * lower[(j, k)];
         }
@@ -256,14 +268,16 @@ pub fn symmetrize<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N
 /// # Errors
 /// [`GeometryError::Svd`] for NaN or infinite entries.
 pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>, GeometryError> {
-    let (u, _, v_t) = svd3(matrix)?;
-    let sign = if (u * v_t).determinant() < 0.0 {
+    let Svd3 {
+        u, v_transposed, ..
+    } = svd3(matrix)?;
+    let sign = if (u * v_transposed).determinant() < 0.0 {
         -1.0
     } else {
         1.0
     };
     let proper = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign));
-    Ok(Rotation3::from_matrix_unchecked(u * proper * v_t))
+    Ok(Rotation3::from_matrix_unchecked(u * proper * v_transposed))
 }
 
 /// Count of (descending) values above size eps s_max.

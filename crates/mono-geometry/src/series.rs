@@ -73,7 +73,8 @@ mod tests {
     /// The two branches of every quotient meet, and agree with high-order Taylor polynomials.
     #[test]
     fn branches_agree_at_the_switch() {
-        let cases: [(fn(f64) -> f64, f64, f64); 3] = [
+        type Quotient = fn(f64) -> f64;
+        let cases: [(Quotient, f64, f64); 3] = [
             (sinc, 1e-4, 1e-15),
             (x_minus_sin_over_x3, 1.0, 1e-15),
             (inverse_jacobian_coefficient, 0.5, 4e-15),

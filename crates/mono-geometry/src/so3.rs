@@ -1,6 +1,6 @@
 //! Rotations of space SO(3): exponential map, logarithm and their Jacobians.
 //!
-//! A rotation vector w (radians, axis times angle) and the rotation exp([w]x) by Rodrigues' formula. The logarithm goes
+//! A rotation vector w (radians, axis times angle) and the rotation `exp([w]x)` by Rodrigues' formula. The logarithm goes
 //! through the unit quaternion, 2 atan2(|q_v|, q_w) q_v / |q_v|, which keeps full precision near zero and near half a
 //! turn, where the textbook acos((tr R - 1) / 2) loses half the digits. At exactly half a turn the axis has two signs;
 //! either is right. Formulas: Solà, Deray and Atchuthan (2018); Barfoot (2017).

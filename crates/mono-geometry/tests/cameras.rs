@@ -117,6 +117,57 @@ proptest! {
     }
 }
 
+/// The largest slope error that 1e-12 in the distorted plane can make of a point, from the smallest singular value.
+fn sensitivity(lens: &Distortion, point: &Vector2<f64>) -> f64 {
+    let (_, jacobian) = lens.distort_with_jacobian(point);
+    let (trace, determinant) = (jacobian.norm_squared(), jacobian.determinant().abs());
+    trace.sqrt() / determinant
+}
+
+proptest! {
+    #![proptest_config(Config { cases: 2_000, failure_persistence: None, ..Config::default() })]
+
+    /// Lenses drawn at random, most of them absurd: inside its field every one is inverted, up to 2 % before the fold.
+    #[test]
+    fn any_radial_lens_is_inverted_inside_its_field(
+        k1 in -1.0..1.0_f64, k2 in -1.0..1.0_f64, k3 in -1.0..1.0_f64, k4 in -0.5..0.5_f64,
+        share in 0.0..0.98_f64, angle in 0.0..6.3_f64,
+    ) {
+        for lens in [
+            Distortion::Radtan { k1, k2, p1: 0.0, p2: 0.0, k3 },
+            Distortion::KannalaBrandt { k1, k2, k3, k4 },
+        ] {
+            let radius = share * lens.field_radius().min(3.0);
+            let point = Vector2::new(radius * angle.cos(), radius * angle.sin());
+            let distorted = lens.distort(&point);
+            let back = lens.undistort(&distorted).unwrap();
+            let allowed = 2e-12 * (1.0 + distorted.norm()) * sensitivity(&lens, &point) + 1e-12;
+            prop_assert!((back - point).norm() < allowed, "{lens:?} {point} {back}");
+        }
+    }
+
+    /// Whatever undistort accepts is inside the field and maps to what was asked; the rest is an error, not a panic.
+    #[test]
+    fn undistort_never_returns_a_wrong_branch(
+        k1 in -1.0..1.0_f64, k2 in -1.0..1.0_f64, p1 in -0.1..0.1_f64, p2 in -0.1..0.1_f64, k3 in -1.0..1.0_f64,
+        x in -3.0..3.0_f64, y in -3.0..3.0_f64,
+    ) {
+        let lens = Distortion::Radtan { k1, k2, p1, p2, k3 };
+        let wanted = Vector2::new(x, y);
+        match lens.undistort(&wanted) {
+            Ok(point) => {
+                prop_assert!((lens.distort(&point) - wanted).norm() <= 1e-12 * (1.0 + wanted.norm()));
+                prop_assert!(point.norm() < lens.field_radius());
+                prop_assert!(lens.distort_with_jacobian(&point).1.determinant() > 0.0);
+            }
+            Err(error) => {
+                let outside = matches!(error, GeometryError::OutsideInvertibleField { .. });
+                prop_assert!(outside, "{error}");
+            }
+        }
+    }
+}
+
 #[test]
 fn pinhole_closed_form() {
     let camera = Camera::new(pinhole(), Distortion::None).unwrap();

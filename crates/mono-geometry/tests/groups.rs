@@ -28,7 +28,7 @@ fn nasty_angle() -> impl Strategy<Value = f64> {
         Just(PI - 1e-9),
         Just(-PI + 1e-9),
         Just(FRAC_PI_2),
-        -3.14..3.14_f64,
+        -PI..PI,
     ]
 }
 

@@ -1,0 +1,53 @@
+//! What the tests of several views share: the paper's camera, poses by their target, sightings.
+
+use mono_geometry::{Observation, Pinhole, Se3, so3};
+use nalgebra::{Matrix3, Vector3};
+use proptest::test_runner::Config;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// The camera of the paper, Table I.
+pub(crate) fn pinhole() -> Pinhole {
+    Pinhole {
+        width: 320,
+        height: 240,
+        fx: 368.826_20,
+        fy: 369.902_39,
+        cx: 159.670_29,
+        cy: 121.541_36,
+    }
+}
+
+pub(crate) fn config(cases: u32) -> Config {
+    Config {
+        cases,
+        failure_persistence: None,
+        ..Config::default()
+    }
+}
+
+pub(crate) fn gauss(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Camera at `position` looking at `target`, its y axis as far down (world -z) as possible.
+pub(crate) fn look_at(position: Vector3<f64>, target: Vector3<f64>) -> Se3 {
+    let z = (target - position).normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let y = z.cross(&x);
+    let rotation =
+        so3::rotation_from_matrix(&Matrix3::from_columns(&[x, y, z])).expect("orthonormal");
+    Se3::new(rotation, position)
+}
+
+pub(crate) fn see(world_from_camera: &Se3, point: &Vector3<f64>, sigma_px: f64) -> Observation {
+    let camera_from_world = world_from_camera.inverse();
+    let pixel_ideal = pinhole()
+        .project(&camera_from_world.transform_point(point))
+        .expect("in front");
+    Observation {
+        camera_from_world,
+        pixel_ideal,
+        sigma_px,
+    }
+}

@@ -1,0 +1,151 @@
+//! Inverse depth: Jacobians against central differences, conversion by Monte Carlo, agreement with triangulation.
+
+mod common;
+
+use std::f64::consts::PI;
+
+use common::{config, gauss, look_at, pinhole, see};
+use mono_geometry::linalg::cholesky;
+use mono_geometry::{Acceptance, InverseDepthPoint, Mount, Se2, Se3, triangulate};
+use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector3, Vector6};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+proptest! {
+    #![proptest_config(config(300))]
+
+    #[test]
+    fn inverse_depth_agrees_with_the_point_and_with_differences(
+        alpha in -0.5..0.5_f64, beta in -0.4..0.4_f64,
+        rho in prop_oneof![Just(0.0), Just(1e-9), Just(-0.01), 0.05..2.0_f64],
+        turn in prop_oneof![Just(0.0), Just(1e-8), -0.3..0.3_f64],
+        moved in prop_oneof![Just((0.0, 0.0)), Just((1e-9, 0.0)), (-0.2..0.2_f64, -0.2..0.2_f64)],
+        heading in prop_oneof![Just(0.0), Just(PI), Just(-PI), -3.0..3.0_f64],
+    ) {
+        let mount = Mount::forward();
+        let anchor = mount.world_from_camera(&Se2::new(3.0, -1.0, heading), 0.01, -0.02, 0.3);
+        let camera = mount.world_from_camera(
+            &Se2::new(3.0 + moved.0, -1.0 + moved.1, heading + turn), -0.01, 0.02, 0.31);
+        let point = InverseDepthPoint { world_from_anchor: anchor, alpha, beta, rho };
+        let prediction = point.predict(&pinhole(), &camera).unwrap();
+        prop_assert_eq!(point.project(&pinhole(), &camera), Some(prediction.pixel_ideal));
+        if let Some(world) = point.point_in_world() {
+            if let Some(pixel) = pinhole().project(&camera.inverse().transform_point(&world)) {
+                let tolerance = 1e-9 + 1e-13 / rho;
+                prop_assert!((pixel - prediction.pixel_ideal).norm() < tolerance.min(1e-3));
+            }
+        } else {
+            prop_assert!(rho <= 0.0);
+        }
+        let step = 1e-5;
+        let mut by_parameters = Matrix2x3::zeros();
+        for j in 0..3 {
+            let mut d = Vector3::zeros();
+            d[j] = step;
+            let plus = point.with_parameters(&(point.parameters() + d)).project(&pinhole(), &camera).unwrap();
+            let minus = point.with_parameters(&(point.parameters() - d)).project(&pinhole(), &camera).unwrap();
+            by_parameters.set_column(j, &((plus - minus) / (2.0 * step)));
+        }
+        let mut by_camera = Matrix2x6::zeros();
+        for j in 0..6 {
+            let mut d = Vector6::zeros();
+            d[j] = step;
+            let plus = point.project(&pinhole(), &camera.compose(&Se3::exp(&d))).unwrap();
+            let minus = point.project(&pinhole(), &camera.compose(&Se3::exp(&-d))).unwrap();
+            by_camera.set_column(j, &((plus - minus) / (2.0 * step)));
+        }
+        // Truncation h^2 f''' / 6 with f''' up to 1e4 px, rounding 1e-13 * 500 / h.
+        prop_assert!((by_parameters - prediction.by_parameters).amax() < 1e-5);
+        prop_assert!((by_camera - prediction.by_camera).amax() < 1e-5);
+    }
+
+}
+
+#[test]
+fn euclidean_covariance_matches_monte_carlo() {
+    let anchor = look_at(Vector3::new(1.0, -1.0, 0.4), Vector3::new(2.0, 3.0, 0.0));
+    let point = InverseDepthPoint {
+        world_from_anchor: anchor,
+        alpha: 0.3,
+        beta: -0.2,
+        rho: 0.4,
+    };
+    let covariance = Matrix3::new(4e-6, 1e-6, 2e-6, 1e-6, 3e-6, -1e-6, 2e-6, -1e-6, 9e-6);
+    let (mean, euclidean) = point.to_euclidean(&covariance).unwrap();
+    let factor = cholesky(&covariance).unwrap().l();
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let trials = 20_000;
+    let mut outer = Matrix3::zeros();
+    for _ in 0..trials {
+        let draw = Vector3::new(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng));
+        let moved = point.with_parameters(&(point.parameters() + factor * draw));
+        let error = moved.point_in_world().unwrap() - mean;
+        outer += error * error.transpose();
+    }
+    let sampled = outer / f64::from(trials);
+    for i in 0..3 {
+        for j in 0..3 {
+            let scale = (euclidean[(i, i)] * euclidean[(j, j)]).sqrt();
+            assert!(
+                (sampled[(i, j)] - euclidean[(i, j)]).abs() / scale
+                    < 4.5 * (2.0 / 20_000.0_f64).sqrt() + 0.002
+            );
+        }
+    }
+}
+
+#[test]
+fn inverse_depth_update_agrees_with_triangulation() {
+    let target = Vector3::new(0.2, 3.0, 0.1);
+    let cameras = [
+        look_at(Vector3::new(-0.4, 0.0, 0.0), target),
+        look_at(Vector3::new(0.4, 0.1, 0.0), target),
+    ];
+    let observations = [
+        see(&cameras[0], &target, 0.5),
+        see(&cameras[1], &target, 0.5),
+    ];
+    let triangulated = triangulate(&pinhole(), &observations, &Acceptance::default()).unwrap();
+    let rho = 1.0 / cameras[0].inverse().transform_point(&target).z;
+    let point =
+        InverseDepthPoint::from_pixel(&pinhole(), &cameras[0], &observations[0].pixel_ideal, rho);
+    // A prior without depth information, then the information of the second view.
+    let prior = InverseDepthPoint::initial_covariance(&pinhole(), 0.5, 1e4);
+    let prediction = point.predict(&pinhole(), &cameras[1]).unwrap();
+    let h = prediction.by_parameters;
+    let information = cholesky(&prior).unwrap().inverse() + h.transpose() * h / 0.25;
+    let posterior = cholesky(&information).unwrap().inverse();
+    let (mean, covariance) = point.to_euclidean(&posterior).unwrap();
+    assert!((mean - target).norm() < 1e-12);
+    assert!((covariance - triangulated.covariance).amax() < 1e-6 * triangulated.covariance.amax());
+}
+
+#[test]
+fn linearity_index_closed_form_and_limits() {
+    let anchor = look_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
+    let point = InverseDepthPoint {
+        world_from_anchor: anchor,
+        alpha: 0.0,
+        beta: 0.0,
+        rho: 0.25,
+    };
+    // Seen from the anchor itself: 4 (sigma_rho / rho^2) / (1 / rho) = 4 sigma_rho / rho.
+    assert!((point.linearity_index(0.01, &anchor) - 4.0 * 0.01 / 0.25).abs() < 1e-15);
+    // At a right angle a Gaussian in depth is seen without distortion.
+    let side = look_at(Vector3::new(3.0, 4.0, 0.0), Vector3::new(0.0, 4.0, 0.0));
+    assert!(point.linearity_index(0.01, &side) < 1e-15);
+    let infinite = InverseDepthPoint { rho: 0.0, ..point };
+    assert!(infinite.linearity_index(0.01, &anchor).is_infinite());
+    assert!(infinite.to_euclidean(&Matrix3::identity()).is_none());
+    // Infinity is seen in the anchor's direction from everywhere, and rho means nothing at the anchor.
+    let shifted = Se3::new(anchor.rotation, Vector3::new(5.0, 0.0, 0.0));
+    assert_eq!(
+        infinite.project(&pinhole(), &shifted),
+        infinite.project(&pinhole(), &anchor)
+    );
+    let at_anchor = point.predict(&pinhole(), &anchor).unwrap();
+    assert_eq!(at_anchor.by_parameters.column(2).norm(), 0.0);
+    // A camera beyond the point has it behind itself.
+    let beyond = Se3::new(anchor.rotation, Vector3::new(0.0, 5.0, 0.0));
+    assert!(point.project(&pinhole(), &beyond).is_none());
+}
