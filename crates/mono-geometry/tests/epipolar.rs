@@ -10,6 +10,7 @@ use nalgebra::{Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
 proptest! {
     #![proptest_config(config(300))]
 

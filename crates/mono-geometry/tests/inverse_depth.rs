@@ -11,6 +11,7 @@ use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
 proptest! {
     #![proptest_config(config(300))]
 
