@@ -418,6 +418,10 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
     /// # Errors
     /// The first error in particle order of the first stage that failed; the set, the weights and
     /// the genealogy are then unchanged.
+    #[expect(
+        clippy::type_complexity,
+        reason = "the error is named after the three stages it came from"
+    )]
     pub fn step<O, A, R, M>(
         &mut self,
         frame: u64,
@@ -516,7 +520,10 @@ pub fn map_particles<P: Send, R: Send>(
     }
 }
 
-fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, (usize, E)> {
+/// A failure with the slot it happened in.
+type InSlot<E> = (usize, E);
+
+fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, InSlot<E>> {
     outcomes
         .into_iter()
         .enumerate()

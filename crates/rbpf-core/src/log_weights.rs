@@ -182,7 +182,7 @@ mod tests {
             prop_assert!((log_sum_exp(&shifted) - log_sum_exp(&weights) - shift).abs() < 1e-10);
             let (a, b) = (effective_count(&weights), effective_count(&shifted));
             prop_assert!((a - b).abs() < 1e-10 * a);
-            let (mut a, mut b) = (weights.clone(), shifted);
+            let (mut a, mut b) = (weights, shifted);
             normalize(&mut a).unwrap();
             normalize(&mut b).unwrap();
             for (a, b) in a.iter().zip(&b) {

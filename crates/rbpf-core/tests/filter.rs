@@ -26,7 +26,7 @@ fn walkers(count: usize) -> ParticleSet<Walker> {
         };
         count
     ])
-    .unwrap()
+    .expect("not empty")
 }
 
 #[derive(Debug, PartialEq, thiserror::Error)]
@@ -105,7 +105,7 @@ impl MapUpdate<Walker, f64> for Refusing {
 }
 
 fn filter(count: usize, config: FilterConfig) -> ParticleFilter<Walker> {
-    ParticleFilter::new(walkers(count), Streams::new(4), config).unwrap()
+    ParticleFilter::new(walkers(count), Streams::new(4), config).expect("valid threshold")
 }
 
 #[test]
