@@ -1,1 +1,43 @@
-//! Rao-Blackwellized particle filter: log weights, resampling, copy-on-write maps, counter-based random streams.
+//! Building blocks of a Rao-Blackwellized particle filter.
+//!
+//! Each particle carries what is sampled (a path) and, conditioned on it, what is solved in closed
+//! form (a map of Gaussian landmarks). This crate holds the parts that do not depend on the sensor:
+//!
+//! 1. [`streams`]: one random stream per (seed, frame, particle, purpose);
+//! 2. [`log_weights`]: normalisation and effective count in log space;
+//! 3. [`resampling`]: four unbiased schemes returning sorted ancestors;
+//! 4. [`landmark_map`]: a persistent map, cloned in O(1) and copied where it is written;
+//! 5. [`history`]: a persistent path with the same sharing;
+//! 6. [`circular`]: means of headings;
+//! 7. [`diagnostics`]: unique ancestors and coalescence of the paths;
+//! 8. [`filter`]: the particle set and the order of a frame, over three narrow traits;
+//!
+//! The results do not depend on the number of threads: random numbers are keyed by the particle,
+//! and every reduction runs in particle order.
+
+pub mod circular;
+pub mod diagnostics;
+pub mod error;
+pub mod filter;
+pub mod history;
+pub mod landmark_map;
+pub mod log_weights;
+pub mod resampling;
+pub mod streams;
+
+pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
+pub use diagnostics::{Genealogy, unique_ancestors};
+pub use error::{RbpfError, StepError};
+pub use filter::{
+    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal,
+    Rejuvenation, RejuvenationReport, RejuvenationSchedule, StepReport,
+};
+pub use history::PersistentPath;
+pub use landmark_map::{CowMap, SharedLeaves};
+pub use log_weights::{effective_count, log_sum_exp, normalize};
+pub use resampling::{Resampler, resample};
+pub use streams::{Purpose, Streams};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct ReadmeDoctests;

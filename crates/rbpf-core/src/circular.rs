@@ -1,0 +1,144 @@
+//! Weighted means and covariances of states with headings.
+//!
+//! The arithmetic mean of the angles pi - 0.1 and -pi + 0.1 is 0, the opposite of the truth. The
+//! reference-point mean is taken in the tangent at one of the samples,
+//!
+//! ```text
+//! mean = wrap(ref + sum_i w_i wrap(x_i - ref)),   sum w_i = 1
+//! ```
+//!
+//! and does not depend on the choice of the reference while all samples lie within half a turn of
+//! it. The reference here is the sample of the largest weight (the first of several). For samples
+//! spread over the whole circle no mean is meaningful; look at the covariance.
+
+use nalgebra::{SMatrix, SVector};
+use std::f64::consts::{PI, TAU};
+
+/// Mean and covariance of a weighted set of states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments<const D: usize> {
+    /// Weighted mean, angular entries in (-pi, pi].
+    pub mean: SVector<f64, D>,
+    /// Weighted covariance about that mean, sum w d d^T, without small-sample correction.
+    pub covariance: SMatrix<f64, D, D>,
+}
+
+/// The angle in radians brought into (-pi, pi].
+#[must_use]
+pub fn wrap_angle(angle: f64) -> f64 {
+    if angle > -PI && angle <= PI {
+        return angle;
+    }
+    let wrapped = angle.rem_euclid(TAU);
+    if wrapped > PI { wrapped - TAU } else { wrapped }
+}
+
+/// Reference-point mean of angles in radians, in (-pi, pi]; `weights` sum to one and run over
+/// the same samples (the shorter of the two decides). `None` without samples.
+#[must_use]
+pub fn circular_mean(angles: &[f64], weights: &[f64]) -> Option<f64> {
+    let reference = angles[heaviest(weights, angles.len())?];
+    let offset: f64 = angles
+        .iter()
+        .zip(weights)
+        .map(|(angle, weight)| weight * wrap_angle(angle - reference))
+        .sum();
+    Some(wrap_angle(reference + offset))
+}
+
+/// Weighted mean and covariance of states whose entries named in `angular` are angles in radians.
+/// `weights` sum to one. `None` without samples. O(n D^2), summed in sample order.
+#[must_use]
+pub fn weighted_moments<const D: usize>(
+    states: &[SVector<f64, D>],
+    weights: &[f64],
+    angular: &[usize],
+) -> Option<Moments<D>> {
+    let reference = states[heaviest(weights, states.len())?];
+    let difference = |to: &SVector<f64, D>, from: &SVector<f64, D>| {
+        let mut delta = to - from;
+        for &index in angular.iter().filter(|&&index| index < D) {
+            delta[index] = wrap_angle(delta[index]);
+        }
+        delta
+    };
+    let mut offset = SVector::<f64, D>::zeros();
+    for (state, weight) in states.iter().zip(weights) {
+        offset += difference(state, &reference) * *weight;
+    }
+    let mut mean = reference + offset;
+    for &index in angular.iter().filter(|&&index| index < D) {
+        mean[index] = wrap_angle(mean[index]);
+    }
+    let mut covariance = SMatrix::<f64, D, D>::zeros();
+    for (state, weight) in states.iter().zip(weights) {
+        let delta = difference(state, &mean);
+        covariance += delta * delta.transpose() * *weight;
+    }
+    Some(Moments { mean, covariance })
+}
+
+fn heaviest(weights: &[f64], samples: usize) -> Option<usize> {
+    let count = samples.min(weights.len());
+    let mut best = None;
+    for index in 0..count {
+        if best.is_none_or(|held: usize| weights[index] > weights[held]) {
+            best = Some(index);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    #[test]
+    fn wrapping_ends() {
+        assert_eq!(wrap_angle(PI), PI);
+        assert_eq!(wrap_angle(-PI), PI);
+        assert!((wrap_angle(3.0 * PI + 0.25) - (0.25 - PI)).abs() < 1e-15 * 16.0);
+        assert_eq!(wrap_angle(0.5), 0.5);
+        assert!(wrap_angle(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn mean_across_the_cut_is_not_the_arithmetic_one() {
+        let mean = circular_mean(&[PI - 0.1, -PI + 0.3], &[0.5, 0.5]).unwrap();
+        assert!((mean - (-PI + 0.1)).abs() < 1e-14, "{mean}");
+        assert_eq!(circular_mean(&[], &[]), None);
+    }
+
+    #[test]
+    fn moments_of_two_poses() {
+        let states = [
+            Vector3::new(0.0, 1.0, PI - 0.1),
+            Vector3::new(2.0, 1.0, -PI + 0.1),
+        ];
+        let moments = weighted_moments(&states, &[0.5, 0.5], &[2]).unwrap();
+        assert!((moments.mean[0] - 1.0).abs() < 1e-15);
+        assert!((moments.mean[2].abs() - PI).abs() < 1e-14);
+        assert!((moments.covariance[(0, 0)] - 1.0).abs() < 1e-14);
+        assert!((moments.covariance[(2, 2)] - 0.01).abs() < 1e-14);
+        assert!((moments.covariance[(0, 2)] - 0.1).abs() < 1e-14);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn turning_all_samples_turns_the_mean(
+            angles in prop::collection::vec(-1.0..1.0_f64, 1..20),
+            turn in -10.0..10.0_f64,
+        ) {
+            let weights = vec![1.0 / angles.len() as f64; angles.len()];
+            let turned: Vec<f64> = angles.iter().map(|a| wrap_angle(a + turn)).collect();
+            let mean = circular_mean(&angles, &weights).unwrap();
+            let expected = angles.iter().sum::<f64>() / angles.len() as f64;
+            prop_assert!((mean - expected).abs() < 1e-13);
+            let after = circular_mean(&turned, &weights).unwrap();
+            prop_assert!(wrap_angle(after - mean - turn).abs() < 1e-13);
+        }
+    }
+}

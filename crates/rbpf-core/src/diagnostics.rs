@@ -1,0 +1,228 @@
+//! How impoverished the particle set is: unique ancestors, and the age of the common ancestor.
+//!
+//! Resampling merges paths backwards in time: g frames ago the present particles descend
+//! from fewer and fewer ancestors, until from one. The map entries older than that are
+//! the same in all particles, and no later weight can choose between them. [`Genealogy`] is fed the
+//! ancestor vectors and reports that age.
+//!
+//! Only resampling frames are stored, and everything before the common ancestor is dropped,
+//! so memory is N times the number of resamplings since coalescence.
+
+use crate::error::RbpfError;
+use std::collections::VecDeque;
+
+/// Number of distinct entries of a sorted or unsorted ancestor vector.
+#[must_use]
+pub fn unique_ancestors(ancestors: &[usize]) -> usize {
+    let mut sorted = ancestors.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    sorted.len()
+}
+
+/// The resampling events from which the age of the common ancestor is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Genealogy {
+    particles: usize,
+    events: VecDeque<ResamplingEvent>,
+}
+
+/// One resampling: particle i of the set after it is a copy of particle `ancestors[i]` before.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ResamplingEvent {
+    /// The frame at which it happened.
+    pub frame: u64,
+    /// Ancestor of each slot.
+    pub ancestors: Vec<usize>,
+}
+
+/// Where the paths of the present particles meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CommonAncestor {
+    /// The latest frame whose proposed pose all paths share (moves after resampling may differ).
+    pub frame: u64,
+    /// The slot that particle had in that frame, before its resampling.
+    pub slot: usize,
+}
+
+impl Genealogy {
+    /// A set of `particles` that was never resampled.
+    #[must_use]
+    pub const fn new(particles: usize) -> Self {
+        Self {
+            particles,
+            events: VecDeque::new(),
+        }
+    }
+
+    /// Notes one resampling; frames increase from call to call.
+    ///
+    /// # Errors
+    /// A vector of another length, or an ancestor outside the set.
+    pub fn record(&mut self, frame: u64, ancestors: &[usize]) -> Result<(), RbpfError> {
+        check_ancestors(ancestors, self.particles, self.particles)?;
+        self.events.push_back(ResamplingEvent {
+            frame,
+            ancestors: ancestors.to_vec(),
+        });
+        if let Some((event, _)) = self.coalescence() {
+            self.events.drain(..event);
+        }
+        Ok(())
+    }
+
+    /// Where all present particles meet; `None` while at least two lines reach back to the start.
+    /// O(N) per resampling gone back.
+    #[must_use]
+    pub fn common_ancestor(&self) -> Option<CommonAncestor> {
+        let (event, slot) = self.coalescence()?;
+        Some(CommonAncestor {
+            frame: self.events[event].frame,
+            slot,
+        })
+    }
+
+    /// Frames from the common ancestor to `frame`; `None` while there is none.
+    #[must_use]
+    pub fn common_ancestor_age(&self, frame: u64) -> Option<u64> {
+        Some(frame.saturating_sub(self.common_ancestor()?.frame))
+    }
+
+    /// Number of particles.
+    #[must_use]
+    pub const fn particles(&self) -> usize {
+        self.particles
+    }
+
+    /// The events kept, oldest first, for a checkpoint.
+    pub fn events(&self) -> impl ExactSizeIterator<Item = &ResamplingEvent> + '_ {
+        self.events.iter()
+    }
+
+    /// Index of the latest event before which one particle is the ancestor of all, and its slot.
+    fn coalescence(&self) -> Option<(usize, usize)> {
+        let mut alive: Vec<usize> = (0..self.particles).collect();
+        for (index, event) in self.events.iter().enumerate().rev() {
+            for slot in &mut alive {
+                *slot = event.ancestors[*slot];
+            }
+            alive.sort_unstable();
+            alive.dedup();
+            if let [slot] = alive[..] {
+                return Some((index, slot));
+            }
+        }
+        None
+    }
+}
+
+pub(crate) fn check_ancestors(
+    ancestors: &[usize],
+    slots: usize,
+    particles: usize,
+) -> Result<(), RbpfError> {
+    if ancestors.len() != slots {
+        return Err(RbpfError::LengthMismatch {
+            what: "ancestors",
+            given: ancestors.len(),
+            required: slots,
+        });
+    }
+    match ancestors
+        .iter()
+        .enumerate()
+        .find(|(_, ancestor)| **ancestor >= particles)
+    {
+        Some((slot, &ancestor)) => Err(RbpfError::UnknownAncestor {
+            slot,
+            ancestor,
+            particles,
+        }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resampling::resample;
+    use crate::streams::{Purpose, Streams};
+    use rand::RngExt;
+
+    #[test]
+    fn counts_distinct_ancestors() {
+        assert_eq!(unique_ancestors(&[3, 0, 0, 3, 1]), 3);
+        assert_eq!(unique_ancestors(&[]), 0);
+    }
+
+    #[test]
+    fn lines_meet_where_the_paths_do() {
+        let mut genealogy = Genealogy::new(4);
+        assert_eq!(genealogy.common_ancestor(), None);
+        genealogy.record(2, &[0, 0, 1, 2]).unwrap();
+        assert_eq!(genealogy.common_ancestor_age(2), None);
+        genealogy.record(5, &[0, 0, 1, 1]).unwrap();
+        // slots 0 and 1 before frame 5 both come from slot 0 before frame 2
+        assert_eq!(
+            genealogy.common_ancestor(),
+            Some(CommonAncestor { frame: 2, slot: 0 })
+        );
+        assert_eq!(genealogy.common_ancestor_age(9), Some(7));
+        genealogy.record(6, &[3, 3, 3, 3]).unwrap();
+        assert_eq!(
+            genealogy.common_ancestor(),
+            Some(CommonAncestor { frame: 6, slot: 3 })
+        );
+        assert_eq!(genealogy.events().len(), 1);
+    }
+
+    #[test]
+    fn wrong_vectors_are_refused() {
+        let mut genealogy = Genealogy::new(3);
+        assert!(matches!(
+            genealogy.record(0, &[0, 1]),
+            Err(RbpfError::LengthMismatch {
+                given: 2,
+                required: 3,
+                ..
+            })
+        ));
+        assert_eq!(
+            genealogy.record(0, &[0, 3, 1]),
+            Err(RbpfError::UnknownAncestor {
+                slot: 1,
+                ancestor: 3,
+                particles: 3
+            })
+        );
+        assert_eq!(genealogy.events().len(), 0);
+    }
+
+    /// Against whole paths carried as vectors of (frame, slot), and with bounded memory.
+    #[test]
+    fn agrees_with_whole_paths() {
+        let particles = 20;
+        let mut genealogy = Genealogy::new(particles);
+        let mut paths = vec![Vec::new(); particles];
+        let streams = Streams::new(3);
+        for frame in 0..300_u64 {
+            for (slot, path) in paths.iter_mut().enumerate() {
+                path.push((frame, slot));
+            }
+            let mut rng = streams.shared(frame, Purpose::Resampling);
+            let weights: Vec<f64> = (0..particles).map(|_| 2.0 * rng.random::<f64>()).collect();
+            let ancestors = resample(&weights, particles, &mut rng).unwrap();
+            genealogy.record(frame, &ancestors).unwrap();
+            paths = ancestors.iter().map(|&a| paths[a].clone()).collect();
+            let common = (0..=frame as usize)
+                .rev()
+                .find(|&f| paths.iter().all(|path| path[f] == paths[0][f]))
+                .map(|f| CommonAncestor {
+                    frame: f as u64,
+                    slot: paths[0][f].1,
+                });
+            assert_eq!(genealogy.common_ancestor(), common, "frame {frame}");
+        }
+        assert!(genealogy.events().len() < 150);
+    }
+}

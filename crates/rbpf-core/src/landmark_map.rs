@@ -1,0 +1,377 @@
+//! A persistent map from dense integer ids, shared between particles.
+//!
+//! After resampling, the children of one particle hold the same map except for what they update
+//! later. [`CowMap`] is a radix trie of 16-way nodes behind reference counts: a clone copies one
+//! pointer, a write copies the nodes on the path from the root to the one leaf it touches, and
+//! only those that are shared. Resampling N particles with M landmarks therefore costs N pointer
+//! copies and touches no landmark; updating k landmarks costs O(k log16 M) at most.
+//!
+//! Ids should be dense (numbered from zero as landmarks are created): memory follows the occupied
+//! leaves of 16 ids. Iteration is in id order. Nodes left empty by removal are dropped.
+//!
+//! A write to a shared leaf clones up to 15 neighbours of the value, so `T` should be
+//! plain data; put descriptors and pictures behind an `Arc` or outside the map.
+//!
+//! Not for sparse ids such as hashes, nor where a single owner writes everything: use a `Vec`.
+
+use std::fmt;
+use std::sync::Arc;
+
+const BITS: u32 = 4;
+const WIDTH: usize = 1 << BITS;
+
+/// Persistent map from `u32` to `T`; `clone` is O(1).
+pub struct CowMap<T> {
+    root: Option<Arc<Node<T>>>,
+    /// Branch levels above the leaves; ids below 16^(height + 1) have a place.
+    height: u32,
+    len: usize,
+}
+
+/// How much of one map is physically the same memory as another's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SharedLeaves {
+    /// Leaves of the first map that are also leaves of the second.
+    pub shared: usize,
+    /// Leaves of the first map.
+    pub total: usize,
+}
+
+enum Node<T> {
+    Leaf([Option<T>; WIDTH]),
+    Branch([Option<Arc<Self>>; WIDTH]),
+}
+
+impl<T> CowMap<T> {
+    /// An empty map; allocates nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            root: None,
+            height: 0,
+            len: 0,
+        }
+    }
+
+    /// Number of values. O(1).
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is no value. O(1).
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The value of `id`. O(log16 of the largest id).
+    #[must_use]
+    pub fn get(&self, id: u32) -> Option<&T> {
+        if !fits(id, self.height) {
+            return None;
+        }
+        let mut node = self.root.as_deref()?;
+        let mut level = self.height;
+        loop {
+            match node {
+                Node::Leaf(slots) => return slots[slot(id, 0)].as_ref(),
+                Node::Branch(children) => {
+                    node = children[slot(id, level)].as_deref()?;
+                    level -= 1;
+                }
+            }
+        }
+    }
+
+    /// Whether `id` has a value.
+    #[must_use]
+    pub fn contains(&self, id: u32) -> bool {
+        self.get(id).is_some()
+    }
+
+    /// Ids and values in increasing order of id. O(len) in all for dense ids.
+    #[must_use]
+    pub fn iter(&self) -> Iter<'_, T> {
+        let stack = self
+            .root
+            .as_deref()
+            .map(|node| (node, 0, 0))
+            .into_iter()
+            .collect();
+        Iter {
+            stack,
+            remaining: self.len,
+        }
+    }
+
+    /// Ids in increasing order.
+    pub fn ids(&self) -> impl Iterator<Item = u32> + '_ {
+        self.iter().map(|(id, _)| id)
+    }
+
+    /// Counts the leaves (16 ids each) that both maps hold at the same address. For tests and
+    /// memory reports. O(leaves), less where whole branches are shared.
+    #[must_use]
+    pub fn shared_leaves_with(&self, other: &Self) -> SharedLeaves {
+        let mut count = SharedLeaves {
+            shared: 0,
+            total: 0,
+        };
+        let twin = if self.height == other.height {
+            other.root.as_ref()
+        } else {
+            None
+        };
+        if let Some(root) = &self.root {
+            count_shared(root, twin, false, &mut count);
+        }
+        count
+    }
+}
+
+impl<T: Clone> CowMap<T> {
+    /// Mutable access to the value of `id`, copying what is shared on the way to it.
+    /// An absent id copies nothing.
+    #[must_use]
+    pub fn get_mut(&mut self, id: u32) -> Option<&mut T> {
+        if !self.contains(id) {
+            return None;
+        }
+        let mut node = Arc::make_mut(self.root.as_mut()?);
+        let mut level = self.height;
+        loop {
+            match node {
+                Node::Leaf(slots) => return slots[slot(id, 0)].as_mut(),
+                Node::Branch(children) => {
+                    node = Arc::make_mut(children[slot(id, level)].as_mut()?);
+                    level -= 1;
+                }
+            }
+        }
+    }
+
+    /// Sets the value of `id` and returns the one it had.
+    pub fn insert(&mut self, id: u32, value: T) -> Option<T> {
+        while !fits(id, self.height) {
+            if let Some(old_root) = self.root.take() {
+                let mut children = no_children();
+                children[0] = Some(old_root);
+                self.root = Some(Arc::new(Node::Branch(children)));
+            }
+            self.height += 1;
+        }
+        let mut level = self.height;
+        let mut place = &mut self.root;
+        loop {
+            let node = Arc::make_mut(place.get_or_insert_with(|| Arc::new(Node::empty(level))));
+            match node {
+                Node::Leaf(slots) => {
+                    let old = slots[slot(id, 0)].replace(value);
+                    self.len += usize::from(old.is_none());
+                    return old;
+                }
+                Node::Branch(children) => {
+                    place = &mut children[slot(id, level)];
+                    level -= 1;
+                }
+            }
+        }
+    }
+
+    /// Takes the value of `id` out of the map. An absent id copies nothing.
+    pub fn remove(&mut self, id: u32) -> Option<T> {
+        if !self.contains(id) {
+            return None;
+        }
+        let removed = remove_below(&mut self.root, self.height, id);
+        self.len -= usize::from(removed.is_some());
+        if self.root.is_none() {
+            self.height = 0;
+        }
+        removed
+    }
+}
+
+impl<T> Node<T> {
+    fn empty(level: u32) -> Self {
+        if level == 0 {
+            Self::Leaf(std::array::from_fn(|_| None))
+        } else {
+            Self::Branch(no_children())
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        match self {
+            Self::Leaf(slots) => slots.iter().all(Option::is_none),
+            Self::Branch(children) => children.iter().all(Option::is_none),
+        }
+    }
+}
+
+impl<T: Clone> Clone for Node<T> {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Leaf(slots) => Self::Leaf(slots.clone()),
+            Self::Branch(children) => Self::Branch(children.clone()),
+        }
+    }
+}
+
+fn no_children<T>() -> [Option<Arc<Node<T>>>; WIDTH] {
+    std::array::from_fn(|_| None)
+}
+
+const fn slot(id: u32, level: u32) -> usize {
+    (id >> (BITS * level)) as usize & (WIDTH - 1)
+}
+
+const fn fits(id: u32, height: u32) -> bool {
+    (id as u64) >> (BITS * (height + 1)) == 0
+}
+
+fn remove_below<T: Clone>(place: &mut Option<Arc<Node<T>>>, level: u32, id: u32) -> Option<T> {
+    let node = Arc::make_mut(place.as_mut()?);
+    let removed = match node {
+        Node::Leaf(slots) => slots[slot(id, 0)].take(),
+        Node::Branch(children) => remove_below(&mut children[slot(id, level)], level - 1, id),
+    };
+    if node.is_empty() {
+        *place = None;
+    }
+    removed
+}
+
+fn count_shared<T>(
+    node: &Arc<Node<T>>,
+    twin: Option<&Arc<Node<T>>>,
+    inside_shared: bool,
+    count: &mut SharedLeaves,
+) {
+    let shared = inside_shared || twin.is_some_and(|twin| Arc::ptr_eq(node, twin));
+    match &**node {
+        Node::Leaf(_) => {
+            count.total += 1;
+            count.shared += usize::from(shared);
+        }
+        Node::Branch(children) => {
+            for (index, child) in children.iter().enumerate() {
+                let twin_child = match twin.map(|twin| &**twin) {
+                    Some(Node::Branch(others)) => others[index].as_ref(),
+                    _ => None,
+                };
+                if let Some(child) = child {
+                    count_shared(child, twin_child, shared, count);
+                }
+            }
+        }
+    }
+}
+
+/// Iterator over ids and values in increasing order of id.
+pub struct Iter<'a, T> {
+    /// Open nodes from the root down: node, next slot, id of the node's first place / 16.
+    stack: Vec<(&'a Node<T>, usize, u32)>,
+    remaining: usize,
+}
+
+impl<'a, T> Iterator for Iter<'a, T> {
+    type Item = (u32, &'a T);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let (node, next, prefix) = self.stack.last_mut()?;
+            let (node, index, prefix) = (*node, *next, *prefix);
+            if index == WIDTH {
+                self.stack.pop();
+                continue;
+            }
+            if let Some((_, next, _)) = self.stack.last_mut() {
+                *next += 1;
+            }
+            let number = (prefix << BITS) | index as u32;
+            match node {
+                Node::Leaf(slots) => {
+                    if let Some(value) = &slots[index] {
+                        self.remaining -= 1;
+                        return Some((number, value));
+                    }
+                }
+                Node::Branch(children) => {
+                    if let Some(child) = &children[index] {
+                        self.stack.push((child, 0, number));
+                    }
+                }
+            }
+        }
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.remaining, Some(self.remaining))
+    }
+}
+
+impl<T> ExactSizeIterator for Iter<'_, T> {}
+
+impl<T> fmt::Debug for Iter<'_, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Iter")
+            .field("remaining", &self.remaining)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a, T> IntoIterator for &'a CowMap<T> {
+    type Item = (u32, &'a T);
+    type IntoIter = Iter<'a, T>;
+
+    fn into_iter(self) -> Iter<'a, T> {
+        self.iter()
+    }
+}
+
+impl<T: Clone> FromIterator<(u32, T)> for CowMap<T> {
+    fn from_iter<I: IntoIterator<Item = (u32, T)>>(entries: I) -> Self {
+        let mut map = Self::new();
+        map.extend(entries);
+        map
+    }
+}
+
+impl<T: Clone> Extend<(u32, T)> for CowMap<T> {
+    fn extend<I: IntoIterator<Item = (u32, T)>>(&mut self, entries: I) {
+        for (id, value) in entries {
+            self.insert(id, value);
+        }
+    }
+}
+
+// not derived: a derive would ask for T: Clone, and a clone copies no T
+impl<T> Clone for CowMap<T> {
+    fn clone(&self) -> Self {
+        Self {
+            root: self.root.clone(),
+            height: self.height,
+            len: self.len,
+        }
+    }
+}
+
+impl<T> Default for CowMap<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: PartialEq> PartialEq for CowMap<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.len == other.len && self.iter().eq(other.iter())
+    }
+}
+
+impl<T: fmt::Debug> fmt::Debug for CowMap<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_map().entries(self.iter()).finish()
+    }
+}

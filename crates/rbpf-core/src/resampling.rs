@@ -1,0 +1,278 @@
+//! Choosing ancestors in proportion to their weights.
+//!
+//! All schemes are unbiased, E[count_i] = n w_i; they differ in the variance of the counts
+//! (Douc, Cappé and Moulines 2005), here with f_i = n w_i - floor(n w_i) and R = sum f_i:
+//!
+//! | scheme | Var(count_i) |
+//! |---|---|
+//! | multinomial | n w_i (1 - w_i) |
+//! | residual | f_i (1 - f_i / R) |
+//! | stratified | sum over strata k of p_ik (1 - p_ik), p_ik the share of stratum k that weight i covers |
+//! | systematic | f_i (1 - f_i), the least possible: a count is floor or ceil of n w_i |
+//!
+//! Systematic takes one uniform for the whole set and is the default. Its counts are
+//! correlated, and no general ordering of the variance of *estimates* holds for it;
+//! stratified and residual are never worse than multinomial.
+//!
+//! The returned indices are sorted, so particles keep their order and equal ancestors are
+//! neighbours. A weight of zero is never chosen. Cost O(n + N), multinomial and residual
+//! O(n log n).
+
+use crate::error::RbpfError;
+use crate::log_weights::linear_weights;
+use rand::{Rng, RngExt};
+
+/// The resampling schemes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Resampler {
+    /// Equally spaced points behind one uniform.
+    #[default]
+    Systematic,
+    /// One uniform in each of n equal strata.
+    Stratified,
+    /// floor(n w) copies, the rest multinomial on the remainders.
+    Residual,
+    /// n independent draws.
+    Multinomial,
+}
+
+impl Resampler {
+    /// Draws `n` ancestors in proportion to the exponentials of `log_weights` (not necessarily
+    /// normalised); see [`resample`].
+    ///
+    /// # Errors
+    /// As [`crate::normalize`].
+    pub fn resample(
+        self,
+        log_weights: &[f64],
+        n: usize,
+        rng: &mut impl Rng,
+    ) -> Result<Vec<usize>, RbpfError> {
+        let weights = linear_weights(log_weights)?;
+        Ok(match self {
+            Self::Systematic => {
+                let offset: f64 = rng.random();
+                let points = (0..n).map(|k| (k as f64 + offset) / n as f64);
+                pick_sorted(&weights, points)
+            }
+            Self::Stratified => {
+                let points = (0..n).map(|k| (k as f64 + rng.random::<f64>()) / n as f64);
+                pick_sorted(&weights, points)
+            }
+            Self::Residual => residual(&weights, n, rng),
+            Self::Multinomial => multinomial(&weights, n, rng),
+        })
+    }
+}
+
+/// Systematic resampling, the default: `n` sorted ancestor indices into `log_weights`.
+///
+/// # Errors
+/// [`RbpfError::NoParticles`] without weights, [`RbpfError::DegenerateWeights`] if any weight is
+/// NaN or +inf or all are -inf.
+pub fn resample(
+    log_weights: &[f64],
+    n: usize,
+    rng: &mut impl Rng,
+) -> Result<Vec<usize>, RbpfError> {
+    Resampler::Systematic.resample(log_weights, n, rng)
+}
+
+/// For increasing points in [0, 1): the first index whose cumulative share exceeds the point.
+fn pick_sorted(weights: &[f64], points: impl Iterator<Item = f64>) -> Vec<usize> {
+    // rounding can leave the total a little below a point: the last positive weight takes it
+    let last = weights
+        .iter()
+        .rposition(|&weight| weight > 0.0)
+        .unwrap_or(0);
+    let total: f64 = weights.iter().sum();
+    let mut index = 0;
+    let mut cumulative = weights[0];
+    points
+        .map(|point| {
+            while index < last && cumulative <= point * total {
+                index += 1;
+                cumulative += weights[index];
+            }
+            index
+        })
+        .collect()
+}
+
+fn multinomial(weights: &[f64], n: usize, rng: &mut impl Rng) -> Vec<usize> {
+    let mut points: Vec<f64> = (0..n).map(|_| rng.random()).collect();
+    points.sort_unstable_by(f64::total_cmp);
+    pick_sorted(weights, points.into_iter())
+}
+
+fn residual(weights: &[f64], n: usize, rng: &mut impl Rng) -> Vec<usize> {
+    // n * (1/n) may round below one: the slack is the rounding of a normalised sum
+    let slack = 4.0 * f64::EPSILON * n as f64;
+    let mut picked = Vec::with_capacity(n);
+    let mut remainders = Vec::with_capacity(weights.len());
+    for (index, weight) in weights.iter().enumerate() {
+        let expected = n as f64 * weight;
+        let copies = (expected + slack).floor();
+        remainders.push((expected - copies).max(0.0));
+        for _ in 0..copies as usize {
+            picked.push(index);
+        }
+    }
+    picked.truncate(n);
+    let missing = n - picked.len();
+    if missing > 0 {
+        picked.extend(multinomial(&remainders, missing, rng));
+        picked.sort_unstable();
+    }
+    picked
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::streams::{Purpose, Streams};
+    use proptest::prelude::*;
+
+    const ALL: [Resampler; 4] = [
+        Resampler::Systematic,
+        Resampler::Stratified,
+        Resampler::Residual,
+        Resampler::Multinomial,
+    ];
+
+    fn closed_form_variance(scheme: Resampler, weights: &[f64], n: usize, i: usize) -> f64 {
+        let n_f = n as f64;
+        let remainder = |w: f64| n_f * w - (n_f * w).floor();
+        match scheme {
+            Resampler::Multinomial => n_f * weights[i] * (1.0 - weights[i]),
+            Resampler::Systematic => remainder(weights[i]) * (1.0 - remainder(weights[i])),
+            Resampler::Residual => {
+                let rest: f64 = weights.iter().map(|&w| remainder(w)).sum();
+                remainder(weights[i]) * (1.0 - remainder(weights[i]) / rest)
+            }
+            Resampler::Stratified => {
+                let start: f64 = weights[..i].iter().sum();
+                let end = start + weights[i];
+                (0..n)
+                    .map(|k| {
+                        let (low, high) = (k as f64 / n_f, (k + 1) as f64 / n_f);
+                        let share = n_f * (end.min(high) - start.max(low)).max(0.0);
+                        share * (1.0 - share)
+                    })
+                    .sum()
+            }
+        }
+    }
+
+    /// Counts over many runs: the mean must lie within 4.5 standard errors of n w, the variance
+    /// within 4.5 standard errors of the closed form (fourth moment bounded by sampling it).
+    #[test]
+    fn counts_are_unbiased_with_the_variance_of_the_scheme() {
+        let weights = [0.02, 0.31, 0.0, 0.075, 0.4, 0.195];
+        let logs: Vec<f64> = weights.iter().map(|w: &f64| w.ln() - 700.0).collect();
+        let (n, runs) = (8, 20_000_u64);
+        for scheme in ALL {
+            let mut counts = vec![vec![0.0; runs as usize]; weights.len()];
+            for run in 0..runs {
+                let mut rng = Streams::new(5).shared(run, Purpose::Resampling);
+                for ancestor in scheme.resample(&logs, n, &mut rng).unwrap() {
+                    counts[ancestor][run as usize] += 1.0;
+                }
+            }
+            let runs = runs as f64;
+            for (i, weight) in weights.iter().enumerate() {
+                let expected = n as f64 * weight;
+                let variance = closed_form_variance(scheme, &weights, n, i);
+                let mean = counts[i].iter().sum::<f64>() / runs;
+                let tolerance = 4.5 * (variance / runs).sqrt() + 1e-12;
+                assert!(
+                    (mean - expected).abs() < tolerance,
+                    "{scheme:?} {i}: mean {mean}"
+                );
+                let squares: Vec<f64> = counts[i]
+                    .iter()
+                    .map(|count| (count - expected).powi(2))
+                    .collect();
+                let sampled = squares.iter().sum::<f64>() / runs;
+                let spread = squares.iter().map(|s| (s - sampled).powi(2)).sum::<f64>() / runs;
+                let tolerance = 4.5 * (spread / runs).sqrt() + 1e-9;
+                assert!(
+                    (sampled - variance).abs() < tolerance,
+                    "{scheme:?} {i}: variance {sampled}, closed form {variance}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn variances_are_ordered() {
+        let weights = [0.02, 0.31, 0.0, 0.075, 0.4, 0.195];
+        let total = |scheme| -> f64 {
+            (0..weights.len())
+                .map(|i| closed_form_variance(scheme, &weights, 8, i))
+                .sum()
+        };
+        assert!(total(Resampler::Systematic) <= total(Resampler::Stratified));
+        assert!(total(Resampler::Stratified) < total(Resampler::Multinomial));
+        assert!(total(Resampler::Residual) < total(Resampler::Multinomial));
+    }
+
+    #[test]
+    fn equal_weights_keep_every_particle() {
+        let mut rng = Streams::new(1).shared(0, Purpose::Resampling);
+        for n in [1, 3, 10, 49, 50, 1000] {
+            let identity: Vec<usize> = (0..n).collect();
+            let logs = vec![-(n as f64).ln(); n];
+            assert_eq!(
+                Resampler::Residual.resample(&logs, n, &mut rng).unwrap(),
+                identity
+            );
+        }
+    }
+
+    #[test]
+    fn degenerate_weights_are_errors() {
+        let mut rng = Streams::new(1).shared(0, Purpose::Resampling);
+        for scheme in ALL {
+            assert_eq!(
+                scheme.resample(&[], 3, &mut rng),
+                Err(RbpfError::NoParticles)
+            );
+            assert!(
+                scheme
+                    .resample(&[f64::NEG_INFINITY; 2], 3, &mut rng)
+                    .is_err()
+            );
+            assert!(scheme.resample(&[0.0, f64::NAN], 3, &mut rng).is_err());
+            assert_eq!(scheme.resample(&[0.0], 0, &mut rng), Ok(vec![]));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn ancestors_are_sorted_and_never_of_zero_weight(
+            weights in prop::collection::vec(prop_oneof![Just(0.0), 0.0..1.0_f64], 1..30),
+            n in 1..60_usize,
+            seed: u64,
+        ) {
+            prop_assume!(weights.iter().any(|&w| w > 0.0));
+            let logs: Vec<f64> = weights.iter().map(|w| w.ln()).collect();
+            let total: f64 = weights.iter().sum();
+            for scheme in ALL {
+                let mut rng = Streams::new(seed).shared(0, Purpose::Resampling);
+                let picked = scheme.resample(&logs, n, &mut rng).unwrap();
+                prop_assert_eq!(picked.len(), n);
+                prop_assert!(picked.is_sorted());
+                prop_assert!(picked.iter().all(|&i| weights[i] > 0.0));
+                if matches!(scheme, Resampler::Systematic) {
+                    for (i, weight) in weights.iter().enumerate() {
+                        let expected = n as f64 * weight / total;
+                        let count = picked.iter().filter(|&&k| k == i).count() as f64;
+                        prop_assert!((count - expected).abs() < 1.0 + 1e-9);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The unscented Kalman filter with additive noise (Eq. 3-9 in their right form).
+//!
+//! - predict: x^ = UT mean of f, P^ = UT covariance of f + Q;
+//! - update: sigma points are drawn afresh from P^, so that they spread with the
+//!   process noise; S = P_zz + R; see [`crate::update`].
+//!
+//! Using the propagated points again in the update, as is sometimes done to save a factorisation,
+//! leaves Q out of S and out of the gain.
+//!
+//! Both steps return an error and keep the state for NaN, infinity, or a covariance that
+//! is not positive definite.
+
+use crate::cholesky::Cholesky;
+use crate::error::{Step, UkfError};
+use crate::manifold::Manifold;
+use crate::sigma_points::SigmaPoints;
+use crate::transform::unscented_transform;
+use crate::update::{symmetric, unscented_correction};
+use nalgebra::{SMatrix, SVector};
+
+/// A Gaussian state and its sigma points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ukf<X, const L: usize> {
+    mean: X,
+    covariance: SMatrix<f64, L, L>,
+    set: SigmaPoints<L>,
+}
+
+/// How well a measurement fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation<const M: usize> {
+    /// z - z^, in the tangent at z^.
+    pub innovation: SVector<f64, M>,
+    /// S, measurement noise included.
+    pub covariance: SMatrix<f64, M, M>,
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// log N(z; z^, S).
+    pub log_likelihood: f64,
+}
+
+impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
+    /// A filter starting at (`mean`, `covariance`); the covariance is symmetrised.
+    ///
+    /// # Errors
+    /// [`UkfError::NotFinite`], or [`UkfError::NotPositiveDefinite`] for an indefinite covariance.
+    pub fn new(
+        mean: X,
+        covariance: SMatrix<f64, L, L>,
+        set: SigmaPoints<L>,
+    ) -> Result<Self, UkfError> {
+        let covariance = symmetric(&covariance);
+        Cholesky::semidefinite(&covariance, Step::SigmaPoints)?;
+        if !mean.local(&mean).iter().all(|entry| entry.is_finite()) {
+            return Err(UkfError::NotFinite {
+                step: Step::SigmaPoints,
+                what: "the mean",
+            });
+        }
+        Ok(Self {
+            mean,
+            covariance,
+            set,
+        })
+    }
+
+    /// The mean.
+    pub const fn mean(&self) -> &X {
+        &self.mean
+    }
+
+    /// The covariance, symmetric, in the tangent at the mean.
+    pub const fn covariance(&self) -> &SMatrix<f64, L, L> {
+        &self.covariance
+    }
+
+    /// Moves the state by x' = f(x) + noise of covariance `process_noise` (in the tangent at the
+    /// new mean).
+    ///
+    /// # Errors
+    /// As [`unscented_transform`], and if the predicted covariance is not positive semidefinite.
+    /// The state is then unchanged.
+    pub fn predict(
+        &mut self,
+        process_noise: &SMatrix<f64, L, L>,
+        function: impl FnMut(&X) -> X,
+    ) -> Result<(), UkfError> {
+        let moved = unscented_transform(&self.mean, &self.covariance, &self.set, function)?;
+        let covariance = symmetric(&(moved.covariance + process_noise));
+        Cholesky::semidefinite(&covariance, Step::Prediction)?;
+        self.mean = moved.mean;
+        self.covariance = covariance;
+        Ok(())
+    }
+
+    /// Takes in a measurement z = h(x) + noise of covariance `measurement_noise`.
+    ///
+    /// # Errors
+    /// As [`unscented_correction`]; the state is then unchanged.
+    pub fn update<Z: Manifold<M>, const M: usize>(
+        &mut self,
+        measurement: &Z,
+        measurement_noise: &SMatrix<f64, M, M>,
+        function: impl FnMut(&X) -> Z,
+    ) -> Result<Innovation<M>, UkfError> {
+        let update = unscented_correction(
+            &self.mean,
+            &self.covariance,
+            &self.set,
+            measurement,
+            measurement_noise,
+            function,
+        )?;
+        self.mean = update.mean;
+        self.covariance = update.covariance;
+        Ok(Innovation {
+            innovation: update.innovation,
+            covariance: update.innovation_covariance,
+            nis: update.nis,
+            log_likelihood: update.log_likelihood,
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! The unscented transform: mean and covariance of y = f(x) for a Gaussian x (Eq. 3-6).
+//!
+//! 1. sigma points x_i = m + S u_i with P = S S^T ([`crate::SigmaPoints`]);
+//! 2. y_i = f(x_i);
+//! 3. mean of the y_i, covariance sum W_c (y_i - y)(y_i - y)^T, cross covariance
+//!    sum W_c (x_i - m)(y_i - y)^T. Noise is the caller's to add.
+//!
+//! On a manifold there is no sum of points: the mean is found in the tangent at the image of the
+//! centre, y = y_0 + sum W_m (y_i - y_0), and refined from there until the tangents at
+//! the mean cancel. For vectors and angles the first step is already the answer.
+//!
+//! Exact for linear f; the mean is exact for quadratic f. Bad where f folds within the
+//! spread of the points (bearing to something nearer than its own uncertainty). Cost: one
+//! Cholesky factorisation and one call of f per point.
+
+use crate::cholesky::Cholesky;
+use crate::error::{Step, UkfError};
+use crate::manifold::Manifold;
+use crate::sigma_points::SigmaPoints;
+use nalgebra::{SMatrix, SVector};
+
+/// Refinements of a mean on a manifold; each squares the error, so the cap is never met.
+const MEAN_ITERATIONS: usize = 10;
+
+/// What the transform returns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transformed<Y, const L: usize, const M: usize> {
+    /// Mean of f(x).
+    pub mean: Y,
+    /// Covariance of f(x) in the tangent at the mean, M x M, without noise.
+    pub covariance: SMatrix<f64, M, M>,
+    /// Covariance of x with f(x), L x M.
+    pub cross_covariance: SMatrix<f64, L, M>,
+}
+
+/// Pushes the Gaussian (`mean`, `covariance`) through `function`.
+///
+/// A function that has no value at some point returns NaN there, which ends the transform.
+///
+/// # Errors
+/// [`UkfError::NotPositiveDefinite`] for an indefinite covariance (semidefinite is accepted),
+/// [`UkfError::NotFinite`] for NaN or infinity in the mean, the covariance or a value.
+pub fn unscented_transform<X, Y, const L: usize, const M: usize>(
+    mean: &X,
+    covariance: &SMatrix<f64, L, L>,
+    set: &SigmaPoints<L>,
+    mut function: impl FnMut(&X) -> Y,
+) -> Result<Transformed<Y, L, M>, UkfError>
+where
+    X: Manifold<L>,
+    Y: Manifold<M>,
+{
+    let root = Cholesky::semidefinite(covariance, Step::SigmaPoints)?;
+    let tangent = |index: usize| -> SVector<f64, L> { root.lower() * set.offset(index) };
+    let image_of_mean = function(mean);
+    // point 0, then L and L more: every set has at most 2 L + 1 points
+    let mut image = |index: usize| {
+        if index < set.count() {
+            function(&mean.retract(&tangent(index)))
+        } else {
+            image_of_mean.clone()
+        }
+    };
+    let first: [Y; L] = core::array::from_fn(|k| image(k + 1));
+    let second: [Y; L] = core::array::from_fn(|k| image(k + 1 + L));
+    let image_at = |index: usize| match index {
+        0 => &image_of_mean,
+        index if index <= L => &first[index - 1],
+        index => &second[index - 1 - L],
+    };
+
+    let mut center = image_of_mean.clone();
+    for _ in 0..MEAN_ITERATIONS {
+        let mut offset = SVector::<f64, M>::zeros();
+        let mut spread = 0.0;
+        for index in 0..set.count() {
+            let difference = center.local(image_at(index));
+            spread += difference.norm_squared();
+            offset += difference * set.mean_weight(index);
+        }
+        if !offset.iter().all(|entry| entry.is_finite()) {
+            return Err(UkfError::NotFinite {
+                step: Step::Function,
+                what: "the function's value",
+            });
+        }
+        center = center.retract(&offset);
+        if offset.norm_squared() <= f64::EPSILON * f64::EPSILON * spread {
+            break;
+        }
+    }
+
+    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
+    let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
+    for index in 0..set.count() {
+        let difference = center.local(image_at(index));
+        let weighted = difference.transpose() * set.covariance_weight(index);
+        image_covariance += difference * weighted;
+        cross_covariance += tangent(index) * weighted;
+    }
+    Ok(Transformed {
+        mean: center,
+        covariance: image_covariance,
+        cross_covariance,
+    })
+}
