@@ -1,1 +1,25 @@
-//! Nearest neighbours of 128-byte descriptors in a map that grows every frame.
+//! Nearest neighbours of 128-byte descriptors in a map that grows every frame, and the matching built on them.
+//!
+//! Reading order: [`Descriptor`] and its distance, [`DescriptorIndex`] as the question every index answers,
+//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top.
+
+mod best_bin_first;
+mod descriptor;
+mod error;
+mod exact_scan;
+mod index;
+mod kd_forest;
+mod kd_tree;
+mod matching;
+
+pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED, distance_squared};
+pub use error::IndexError;
+pub use exact_scan::ExactScan;
+pub use index::{DescriptorIndex, Neighbour, TwoNearest};
+pub use kd_forest::{KdForest, KdForestParams};
+pub use matching::{Match, match_descriptors, match_mutual};
+
+/// Compiles and runs the code of the README.
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+pub struct ReadmeDoctests;

@@ -1,0 +1,113 @@
+//! Ordered maps over slots, on several threads with the `parallel` feature, and checked fitness values.
+
+use crate::{EvolveError, LogFitness};
+
+/// `f` of every item, in the order of the items.
+#[cfg(feature = "parallel")]
+pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    use rayon::prelude::*;
+    items.par_iter().map(&f).collect()
+}
+
+/// `f` of every item, in the order of the items.
+#[cfg(not(feature = "parallel"))]
+pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    items.iter().map(f).collect()
+}
+
+/// Log-fitness of every slot; the error of the lowest slot when several are wrong.
+pub(crate) fn evaluate_all<G: Sync>(
+    population: &[G],
+    fitness: &impl LogFitness<G>,
+) -> Result<Vec<f64>, EvolveError> {
+    let slots: Vec<usize> = (0..population.len()).collect();
+    let values = map_ordered(&slots, |&slot| evaluate(fitness, slot, &population[slot]));
+    values.into_iter().collect()
+}
+
+/// Log-fitness of one genome, refused when NaN or plus infinity.
+pub(crate) fn evaluate<G>(
+    fitness: &impl LogFitness<G>,
+    slot: usize,
+    genome: &G,
+) -> Result<f64, EvolveError> {
+    let value = fitness.log_fitness(slot, genome);
+    if value < f64::INFINITY {
+        Ok(value)
+    } else {
+        Err(EvolveError::LogFitness { slot, value })
+    }
+}
+
+/// A proposed genome and what became of it.
+#[derive(Debug)]
+pub(crate) struct Child<G> {
+    pub(crate) slot: usize,
+    pub(crate) genome: G,
+    pub(crate) log_fitness: f64,
+    pub(crate) accepted: bool,
+    pub(crate) from_crossover: bool,
+}
+
+/// Counts the children and puts the accepted ones into their slots.
+pub(crate) fn settle<G>(
+    children: impl IntoIterator<Item = Child<G>>,
+    population: &mut [G],
+    report: &mut crate::EvolutionReport,
+) {
+    for child in children {
+        report.evaluations += 1;
+        let accepted = usize::from(child.accepted);
+        if child.from_crossover {
+            report.proposed_crossovers += 1;
+            report.accepted_crossovers += accepted;
+        } else {
+            report.proposed_mutations += 1;
+            report.accepted_mutations += accepted;
+        }
+        if child.accepted {
+            population[child.slot] = child.genome;
+            report.log_fitness[child.slot] = child.log_fitness;
+        }
+    }
+}
+
+/// Metropolis rule in log space: accepted with probability min(1, exp(child - parent)).
+///
+/// An impossible child is refused, also by an impossible parent (0/0 is read as no improvement). `uniform` lies in [0, 1).
+pub(crate) fn metropolis(child: f64, parent: f64, uniform: f64) -> bool {
+    child > parent || (child > f64::NEG_INFINITY && uniform < (child - parent).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metropolis_at_its_edges() {
+        let impossible = f64::NEG_INFINITY;
+        assert!(metropolis(0.0, impossible, 0.99));
+        assert!(!metropolis(impossible, impossible, 0.0));
+        assert!(!metropolis(impossible, 0.0, 0.0));
+        assert!(metropolis(3.0, 3.0, 0.999_999));
+        // Far below the range of exp as plain fitness values, half as fit.
+        let parent = -1e6;
+        let child = parent - 2.0_f64.ln();
+        assert!(metropolis(child, parent, 0.499));
+        assert!(!metropolis(child, parent, 0.501));
+    }
+
+    #[test]
+    fn nan_and_plus_infinity_name_the_lowest_slot() {
+        let population = [0.0, 1.0, 2.0, 3.0];
+        for bad in [f64::NAN, f64::INFINITY] {
+            let fitness = |slot: usize, _: &f64| if slot % 2 == 1 { bad } else { 0.0 };
+            assert!(matches!(
+                evaluate_all(&population, &fitness),
+                Err(EvolveError::LogFitness { slot: 1, .. })
+            ));
+        }
+        let fitness = |_: usize, _: &f64| f64::NEG_INFINITY;
+        assert!(evaluate_all(&population, &fitness).is_ok());
+    }
+}

@@ -1,0 +1,147 @@
+//! From nearest neighbours to matches: ratio test, mutual consistency, one to one.
+//!
+//! The ratio test (paper, Eq. 21; Lowe 2004) keeps a query whose nearest entry is clearly nearer than the second
+//! nearest: d1 / d2 < lambda. The distances here are squared, so the test is d1^2 < lambda^2 d2^2; comparing
+//! squared distances with lambda itself would act as the ratio sqrt(lambda), 0.84 where 0.7 was asked for.
+//!
+//! Degenerate cases: one entry alone has no second nearest and matches nothing. Two equally near entries,
+//! d1 = d2, match nothing at any ratio up to 1, d1 = d2 = 0 included: a tie identifies neither.
+
+use crate::{
+    Descriptor, DescriptorIndex, ExactScan, IndexError, Neighbour, TwoNearest, distance_squared,
+};
+
+/// A query paired with an entry of the index.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Match {
+    /// Position among the queries.
+    pub query: u32,
+    /// Id of the entry, or its position in the second frame.
+    pub id: u32,
+    /// Squared distance of the two descriptors.
+    pub distance_squared: u32,
+    /// Distance to the nearest over distance to the second nearest, not squared; below the ratio asked for.
+    pub ratio: f32,
+}
+
+/// Matches queries to the index by the ratio test, each entry to at most one query.
+///
+/// `ratio` is lambda of Eq. 21 (the paper: 0.7), in 0..=1. Of several queries whose nearest entry is the same, the one at
+/// the smallest distance keeps it, ties going to the lower position. Matches come in the order of the queries
+/// and do not depend on the number of threads. One search a query, then O(m log m) in the number of matches.
+///
+/// # Errors
+/// [`IndexError::Ratio`] when the ratio is not in 0..=1; [`IndexError::TooMany`] beyond `u32::MAX` queries.
+pub fn match_descriptors(
+    queries: &[Descriptor],
+    index: &(impl DescriptorIndex + Sync + ?Sized),
+    ratio: f32,
+) -> Result<Vec<Match>, IndexError> {
+    check_ratio(ratio)?;
+    check_count(queries)?;
+    let nearest = map_ordered(queries, |query| index.two_nearest(query));
+    let mut matches: Vec<Match> = (0_u32..)
+        .zip(nearest)
+        .filter_map(|(query, nearest)| passes_ratio(query, nearest?, ratio))
+        .collect();
+    keep_nearest_query(&mut matches);
+    Ok(matches)
+}
+
+/// Matches two frames: the ratio test from `a` to `b`, and `a[i]` must be the nearest to `b[j]` in turn.
+///
+/// In a match `query` is the position in `a` and `id` the position in `b`. Ties of the way back go to the lower
+/// position. Matches come in the order of `a`, are one to one, and do not depend on the number of threads. Exact
+/// search both ways: O(|a| |b|).
+///
+/// # Errors
+/// [`IndexError::Ratio`] when the ratio is not in 0..=1; [`IndexError::TooMany`] beyond `u32::MAX` descriptors.
+pub fn match_mutual(
+    a: &[Descriptor],
+    b: &[Descriptor],
+    ratio: f32,
+) -> Result<Vec<Match>, IndexError> {
+    check_ratio(ratio)?;
+    check_count(a)?;
+    check_count(b)?;
+    let mut index = ExactScan::new();
+    for (id, descriptor) in (0_u32..).zip(b) {
+        index.insert(id, descriptor)?;
+    }
+    let nearest = map_ordered(a, |query| index.two_nearest(query));
+    let forward: Vec<Match> = (0_u32..)
+        .zip(nearest)
+        .filter_map(|(query, nearest)| passes_ratio(query, nearest?, ratio))
+        .collect();
+    let agrees = map_ordered(&forward, |found| {
+        nearest_position(&b[found.id as usize], a) == Some(found.query)
+    });
+    Ok(forward
+        .into_iter()
+        .zip(agrees)
+        .filter_map(|(found, agrees)| agrees.then_some(found))
+        .collect())
+}
+
+/// Eq. 21 on squared distances. The second distance of a passing pair is never zero.
+fn passes_ratio(query: u32, nearest: TwoNearest, ratio: f32) -> Option<Match> {
+    let first = nearest.first;
+    let second = nearest.second?;
+    let ratio_squared = f64::from(ratio) * f64::from(ratio);
+    let passes =
+        f64::from(first.distance_squared) < ratio_squared * f64::from(second.distance_squared);
+    passes.then(|| Match {
+        query,
+        id: first.id,
+        distance_squared: first.distance_squared,
+        ratio: (f64::from(first.distance_squared) / f64::from(second.distance_squared)).sqrt()
+            as f32,
+    })
+}
+
+/// Each id keeps its nearest query, ties to the lower; the order of queries is restored.
+fn keep_nearest_query(matches: &mut Vec<Match>) {
+    matches.sort_unstable_by_key(|found| (found.id, found.distance_squared, found.query));
+    matches.dedup_by_key(|found| found.id);
+    matches.sort_unstable_by_key(|found| found.query);
+}
+
+fn nearest_position(query: &Descriptor, set: &[Descriptor]) -> Option<u32> {
+    (0_u32..)
+        .zip(set)
+        .map(|(id, descriptor)| Neighbour {
+            distance_squared: distance_squared(query, descriptor),
+            id,
+        })
+        .min()
+        .map(|nearest| nearest.id)
+}
+
+fn check_ratio(ratio: f32) -> Result<(), IndexError> {
+    if (0.0..=1.0).contains(&ratio) {
+        Ok(())
+    } else {
+        Err(IndexError::Ratio { given: ratio })
+    }
+}
+
+fn check_count(descriptors: &[Descriptor]) -> Result<(), IndexError> {
+    match u32::try_from(descriptors.len()) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(IndexError::TooMany {
+            given: descriptors.len(),
+            most: u32::MAX as usize,
+        }),
+    }
+}
+
+#[cfg(feature = "parallel")]
+fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    use rayon::prelude::*;
+    items.par_iter().map(&f).collect()
+}
+
+#[cfg(not(feature = "parallel"))]
+fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    items.iter().map(f).collect()
+}
