@@ -156,7 +156,7 @@ impl Increment {
 ///
 /// # Errors
 /// [`GeometryError::InvalidParameter`] for a speed or rate that is not finite, a duration that is negative or not
-/// finite, or noise outside its range.
+/// finite, noise outside its range, or numbers so large that the result overflows.
 pub fn accumulate(
     samples_with_durations: &[(OdometrySample, f64)],
     noise: &ControlNoise,
@@ -191,6 +191,16 @@ pub fn accumulate(
     let position = noise.increment_floor_m * noise.increment_floor_m;
     let heading = noise.increment_floor_rad * noise.increment_floor_rad;
     total.covariance += Matrix3::from_diagonal(&Vector3::new(position, position, heading));
+    // Finite controls can still overflow: an infinity times zero is the NaN that would poison a filter.
+    let required = "finite: speeds, rates or noise are too large";
+    for value in [total.mean.x, total.mean.y, total.mean.phi] {
+        checked("odometry increment (m, rad)", value, required, |_| true)?;
+    }
+    for value in total.covariance.iter() {
+        checked("odometry covariance (m^2, rad^2)", *value, required, |_| {
+            true
+        })?;
+    }
     Ok(total)
 }
 
