@@ -11,6 +11,8 @@
 //! 6. [`circular`]: means of headings;
 //! 7. [`diagnostics`]: unique ancestors and coalescence of the paths;
 //! 8. [`filter`]: the particle set and the order of a frame, over three narrow traits;
+//! 9. `models` and `proposal` (feature `ukf`): motion and observation models, and the two generic
+//!    proposals, prior and unscented.
 //!
 //! The results do not depend on the number of threads: random numbers are keyed by the particle,
 //! and every reduction runs in particle order.
@@ -22,6 +24,10 @@ pub mod filter;
 pub mod history;
 pub mod landmark_map;
 pub mod log_weights;
+#[cfg(feature = "ukf")]
+pub mod models;
+#[cfg(feature = "ukf")]
+pub mod proposal;
 pub mod resampling;
 pub mod streams;
 
@@ -35,6 +41,10 @@ pub use filter::{
 pub use history::PersistentPath;
 pub use landmark_map::{CowMap, SharedLeaves};
 pub use log_weights::{effective_count, log_sum_exp, normalize};
+#[cfg(feature = "ukf")]
+pub use models::{Frame, Gaussian, MotionModel, ObservationModel, PoseAndMap};
+#[cfg(feature = "ukf")]
+pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
 
