@@ -1,4 +1,4 @@
-//! The particle set and the order of a frame.
+//! The order of a frame.
 //!
 //! ```text
 //! propose -> weight -> adaptive resampling -> rejuvenation -> map update
@@ -18,9 +18,9 @@
 //! is exactly what it was. This asks for particles that are cheap to clone: keep maps in
 //! [`crate::CowMap`] and paths in [`crate::PersistentPath`].
 
-use crate::diagnostics::{Genealogy, check_ancestors, unique_ancestors};
+use crate::diagnostics::{Genealogy, unique_ancestors};
 use crate::error::{RbpfError, StepError};
-use crate::log_weights::{effective_count, linear_weights, normalize};
+use crate::particle_set::{ParticleSet, check_length};
 use crate::resampling::Resampler;
 use crate::streams::{Purpose, Streams};
 use rand_chacha::ChaCha8Rng;
@@ -122,164 +122,6 @@ impl<P, O> MapUpdate<P, O> for NoMapUpdate {
 
     fn update_map(&self, _: &mut P, _: &O) -> Result<(), Infallible> {
         Ok(())
-    }
-}
-
-/// Particles with normalised log weights; never empty.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ParticleSet<P> {
-    particles: Vec<P>,
-    log_weights: Vec<f64>,
-    origins: Vec<usize>,
-}
-
-impl<P> ParticleSet<P> {
-    /// Equally weighted particles, each its own origin.
-    ///
-    /// # Errors
-    /// [`RbpfError::NoParticles`].
-    pub fn new(particles: Vec<P>) -> Result<Self, RbpfError> {
-        let count = particles.len();
-        Self::from_parts(particles, vec![0.0; count], (0..count).collect())
-    }
-
-    /// A set from a checkpoint. Weights are normalised here, unless they already are to within
-    /// rounding: a set written and read again is bit for bit the same.
-    ///
-    /// # Errors
-    /// No particle, vectors of unequal length, or degenerate weights.
-    pub fn from_parts(
-        particles: Vec<P>,
-        mut log_weights: Vec<f64>,
-        origins: Vec<usize>,
-    ) -> Result<Self, RbpfError> {
-        if particles.is_empty() {
-            return Err(RbpfError::NoParticles);
-        }
-        check_length("log weights", log_weights.len(), particles.len())?;
-        check_length("origins", origins.len(), particles.len())?;
-        let mut normalized = log_weights.clone();
-        let log_sum = normalize(&mut normalized)?;
-        // the rounding of a log-sum-exp of n terms about zero
-        if log_sum.abs() > 4.0 * f64::EPSILON * (2.0 + particles.len() as f64) {
-            log_weights = normalized;
-        }
-        Ok(Self {
-            particles,
-            log_weights,
-            origins,
-        })
-    }
-
-    /// Number of particles, at least 1.
-    #[must_use]
-    #[expect(clippy::len_without_is_empty, reason = "a set is never empty")]
-    pub const fn len(&self) -> usize {
-        self.particles.len()
-    }
-
-    /// The particles, in slot order.
-    #[must_use]
-    pub fn particles(&self) -> &[P] {
-        &self.particles
-    }
-
-    /// The particles, to be moved or to have their maps changed.
-    #[must_use]
-    pub fn particles_mut(&mut self) -> &mut [P] {
-        &mut self.particles
-    }
-
-    /// Normalised log weights, in slot order.
-    #[must_use]
-    pub fn log_weights(&self) -> &[f64] {
-        &self.log_weights
-    }
-
-    /// Normalised weights as plain numbers.
-    #[must_use]
-    pub fn weights(&self) -> Vec<f64> {
-        self.log_weights
-            .iter()
-            .map(|log_weight| log_weight.exp())
-            .collect()
-    }
-
-    /// For each slot, the slot of the first set from which its particle descends.
-    #[must_use]
-    pub fn origins(&self) -> &[usize] {
-        &self.origins
-    }
-
-    /// Effective number of particles, 1 / sum w^2.
-    #[must_use]
-    pub fn effective_count(&self) -> f64 {
-        effective_count(&self.log_weights)
-    }
-
-    /// Slot of the largest weight, the first of several.
-    #[must_use]
-    pub fn best(&self) -> usize {
-        let mut best = 0;
-        for (slot, weight) in self.log_weights.iter().enumerate() {
-            if *weight > self.log_weights[best] {
-                best = slot;
-            }
-        }
-        best
-    }
-
-    /// Adds the increments of a frame to the log weights and normalises; returns the log of the
-    /// frame's evidence, log sum w_{t-1} exp(increment).
-    ///
-    /// # Errors
-    /// Increments of another length or that leave no weight (see [`normalize`]); the set is then
-    /// unchanged.
-    pub fn reweight(&mut self, log_increments: &[f64]) -> Result<f64, RbpfError> {
-        check_length("weight increments", log_increments.len(), self.len())?;
-        let mut log_weights = self.log_weights.clone();
-        for (weight, increment) in log_weights.iter_mut().zip(log_increments) {
-            *weight += increment;
-        }
-        let log_evidence = normalize(&mut log_weights)?;
-        self.log_weights = log_weights;
-        Ok(log_evidence)
-    }
-
-    /// Replaces the set by copies of `ancestors`, equally weighted. The new set has as many
-    /// particles as there are ancestors.
-    ///
-    /// # Errors
-    /// No ancestor, or one outside the set; the set is then unchanged.
-    pub fn select(&mut self, ancestors: &[usize]) -> Result<(), RbpfError>
-    where
-        P: Clone,
-    {
-        if ancestors.is_empty() {
-            return Err(RbpfError::NoParticles);
-        }
-        check_ancestors(ancestors, ancestors.len(), self.len())?;
-        self.particles = ancestors
-            .iter()
-            .map(|&slot| self.particles[slot].clone())
-            .collect();
-        self.origins = ancestors.iter().map(|&slot| self.origins[slot]).collect();
-        self.log_weights = vec![-(ancestors.len() as f64).ln(); ancestors.len()];
-        Ok(())
-    }
-
-    /// Weighted sum of a number per particle, in slot order.
-    ///
-    /// # Errors
-    /// As [`linear_weights`], which a valid set never meets.
-    pub fn weighted_mean(&self, value: impl Fn(&P) -> f64) -> Result<f64, RbpfError> {
-        let weights = linear_weights(&self.log_weights)?;
-        Ok(self
-            .particles
-            .iter()
-            .zip(weights)
-            .map(|(particle, weight)| weight * value(particle))
-            .sum())
     }
 }
 
@@ -439,7 +281,7 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         let mut next = self.set.clone();
         let streams = self.streams;
 
-        let outcomes = map_particles(&mut next.particles, |slot, particle| {
+        let outcomes = map_particles(next.particles_mut(), |slot, particle| {
             let mut rng = streams.stream(frame, slot as u64, Purpose::Proposal);
             proposal.propose(particle, observation, &mut rng)
         });
@@ -452,10 +294,10 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         let mut ancestors = None;
         if n_eff < self.config.resampling_threshold * next.len() as f64 {
             let mut rng = streams.shared(frame, Purpose::Resampling);
-            let chosen = self
-                .config
-                .resampler
-                .resample(&next.log_weights, next.len(), &mut rng)?;
+            let chosen =
+                self.config
+                    .resampler
+                    .resample(next.log_weights(), next.len(), &mut rng)?;
             next.select(&chosen)?;
             ancestors = Some(chosen);
         }
@@ -466,13 +308,13 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         };
         let moves = if rejuvenate {
             rejuvenation
-                .rejuvenate(&mut next.particles, observation, &streams, frame)
+                .rejuvenate(next.particles_mut(), observation, &streams, frame)
                 .map_err(|source| StepError::Rejuvenation { source })?
         } else {
             RejuvenationReport::default()
         };
 
-        let outcomes = map_particles(&mut next.particles, |_, particle| {
+        let outcomes = map_particles(next.particles_mut(), |_, particle| {
             map_update.update_map(particle, observation)
         });
         first_error(outcomes)
@@ -529,16 +371,4 @@ fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, InSlot<E>> {
         .enumerate()
         .map(|(slot, outcome)| outcome.map_err(|error| (slot, error)))
         .collect()
-}
-
-const fn check_length(what: &'static str, given: usize, required: usize) -> Result<(), RbpfError> {
-    if given == required {
-        Ok(())
-    } else {
-        Err(RbpfError::LengthMismatch {
-            what,
-            given,
-            required,
-        })
-    }
 }

@@ -10,7 +10,10 @@
 //! 5. [`history`]: a persistent path with the same sharing;
 //! 6. [`circular`]: means of headings;
 //! 7. [`diagnostics`]: unique ancestors and coalescence of the paths;
-//! 8. [`filter`]: the particle set and the order of a frame, over three narrow traits;
+//! 8. [`particle_set`] and [`filter`]: weights and ancestors of a set, and the order of a frame over
+//!    three narrow traits;
+//! 9. `models` and `proposal` (feature `ukf`): motion and observation models, and the two generic
+//!    proposals, prior and unscented.
 //!
 //! The results do not depend on the number of threads: random numbers are keyed by the particle,
 //! and every reduction runs in particle order.
@@ -22,6 +25,11 @@ pub mod filter;
 pub mod history;
 pub mod landmark_map;
 pub mod log_weights;
+#[cfg(feature = "ukf")]
+pub mod models;
+pub mod particle_set;
+#[cfg(feature = "ukf")]
+pub mod proposal;
 pub mod resampling;
 pub mod streams;
 
@@ -29,12 +37,17 @@ pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
 pub use filter::{
-    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal,
-    Rejuvenation, RejuvenationReport, RejuvenationSchedule, StepReport,
+    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleFilter, Proposal, Rejuvenation,
+    RejuvenationReport, RejuvenationSchedule, StepReport,
 };
 pub use history::PersistentPath;
 pub use landmark_map::{CowMap, SharedLeaves};
 pub use log_weights::{effective_count, log_sum_exp, normalize};
+#[cfg(feature = "ukf")]
+pub use models::{Frame, Gaussian, MotionModel, ObservationModel, PoseAndMap};
+pub use particle_set::ParticleSet;
+#[cfg(feature = "ukf")]
+pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
 

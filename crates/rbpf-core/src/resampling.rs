@@ -1,6 +1,6 @@
 //! Choosing ancestors in proportion to their weights.
 //!
-//! All schemes are unbiased, E[count_i] = n w_i; they differ in the variance of the counts
+//! All schemes are unbiased, `E[count_i] = n w_i`; they differ in the variance of the counts
 //! (Douc, Cappé and Moulines 2005), here with f_i = n w_i - floor(n w_i) and R = sum f_i:
 //!
 //! | scheme | Var(count_i) |

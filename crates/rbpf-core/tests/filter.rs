@@ -200,6 +200,7 @@ fn an_error_in_any_stage_leaves_the_set_unchanged() {
     assert_eq!((filter.set(), filter.genealogy()), (&before, &genealogy));
 }
 
+#[cfg(feature = "parallel")]
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let run = |threads: usize| {

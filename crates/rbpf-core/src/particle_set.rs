@@ -1,0 +1,184 @@
+//! Particles with their weights: what a frame changes and a checkpoint keeps.
+//!
+//! The log weights are normalised at all times, so an evidence increment is the log-sum of one frame's
+//! reweighting. They are carried from frame to frame and reset to 1/N only by
+//! [`ParticleSet::select`].
+
+use crate::diagnostics::check_ancestors;
+use crate::error::RbpfError;
+use crate::log_weights::{effective_count, linear_weights, normalize};
+
+/// Particles with normalised log weights; never empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParticleSet<P> {
+    particles: Vec<P>,
+    log_weights: Vec<f64>,
+    origins: Vec<usize>,
+}
+
+impl<P> ParticleSet<P> {
+    /// Equally weighted particles, each its own origin.
+    ///
+    /// # Errors
+    /// [`RbpfError::NoParticles`].
+    pub fn new(particles: Vec<P>) -> Result<Self, RbpfError> {
+        let count = particles.len();
+        Self::from_parts(particles, vec![0.0; count], (0..count).collect())
+    }
+
+    /// A set from a checkpoint. Weights are normalised here, unless they already are to within
+    /// rounding: a set written and read again is bit for bit the same.
+    ///
+    /// # Errors
+    /// No particle, vectors of unequal length, or degenerate weights.
+    pub fn from_parts(
+        particles: Vec<P>,
+        mut log_weights: Vec<f64>,
+        origins: Vec<usize>,
+    ) -> Result<Self, RbpfError> {
+        if particles.is_empty() {
+            return Err(RbpfError::NoParticles);
+        }
+        check_length("log weights", log_weights.len(), particles.len())?;
+        check_length("origins", origins.len(), particles.len())?;
+        let mut normalized = log_weights.clone();
+        let log_sum = normalize(&mut normalized)?;
+        // the rounding of a log-sum-exp of n terms about zero
+        if log_sum.abs() > 4.0 * f64::EPSILON * (2.0 + particles.len() as f64) {
+            log_weights = normalized;
+        }
+        Ok(Self {
+            particles,
+            log_weights,
+            origins,
+        })
+    }
+
+    /// Number of particles, at least 1.
+    #[must_use]
+    #[expect(clippy::len_without_is_empty, reason = "a set is never empty")]
+    pub const fn len(&self) -> usize {
+        self.particles.len()
+    }
+
+    /// The particles, in slot order.
+    #[must_use]
+    pub fn particles(&self) -> &[P] {
+        &self.particles
+    }
+
+    /// The particles, to be moved or to have their maps changed.
+    #[must_use]
+    pub fn particles_mut(&mut self) -> &mut [P] {
+        &mut self.particles
+    }
+
+    /// Normalised log weights, in slot order.
+    #[must_use]
+    pub fn log_weights(&self) -> &[f64] {
+        &self.log_weights
+    }
+
+    /// Normalised weights as plain numbers.
+    #[must_use]
+    pub fn weights(&self) -> Vec<f64> {
+        self.log_weights
+            .iter()
+            .map(|log_weight| log_weight.exp())
+            .collect()
+    }
+
+    /// For each slot, the slot of the first set from which its particle descends.
+    #[must_use]
+    pub fn origins(&self) -> &[usize] {
+        &self.origins
+    }
+
+    /// Effective number of particles, 1 / sum w^2.
+    #[must_use]
+    pub fn effective_count(&self) -> f64 {
+        effective_count(&self.log_weights)
+    }
+
+    /// Slot of the largest weight, the first of several.
+    #[must_use]
+    pub fn best(&self) -> usize {
+        let mut best = 0;
+        for (slot, weight) in self.log_weights.iter().enumerate() {
+            if *weight > self.log_weights[best] {
+                best = slot;
+            }
+        }
+        best
+    }
+
+    /// Adds the increments of a frame to the log weights and normalises; returns the log of the
+    /// frame's evidence, log sum w_{t-1} exp(increment).
+    ///
+    /// # Errors
+    /// Increments of another length or that leave no weight (see [`normalize`]); the set is then
+    /// unchanged.
+    pub fn reweight(&mut self, log_increments: &[f64]) -> Result<f64, RbpfError> {
+        check_length("weight increments", log_increments.len(), self.len())?;
+        let mut log_weights = self.log_weights.clone();
+        for (weight, increment) in log_weights.iter_mut().zip(log_increments) {
+            *weight += increment;
+        }
+        let log_evidence = normalize(&mut log_weights)?;
+        self.log_weights = log_weights;
+        Ok(log_evidence)
+    }
+
+    /// Replaces the set by copies of `ancestors`, equally weighted. The new set has as many
+    /// particles as there are ancestors.
+    ///
+    /// # Errors
+    /// No ancestor, or one outside the set; the set is then unchanged.
+    pub fn select(&mut self, ancestors: &[usize]) -> Result<(), RbpfError>
+    where
+        P: Clone,
+    {
+        if ancestors.is_empty() {
+            return Err(RbpfError::NoParticles);
+        }
+        check_ancestors(ancestors, ancestors.len(), self.len())?;
+        self.particles = ancestors
+            .iter()
+            .map(|&slot| self.particles[slot].clone())
+            .collect();
+        self.origins = ancestors.iter().map(|&slot| self.origins[slot]).collect();
+        self.log_weights = vec![-(ancestors.len() as f64).ln(); ancestors.len()];
+        Ok(())
+    }
+
+    /// Weighted sum of a number per particle, in slot order.
+    ///
+    /// # Errors
+    /// As [`linear_weights`], which a valid set never meets.
+    pub fn weighted_mean(&self, value: impl Fn(&P) -> f64) -> Result<f64, RbpfError> {
+        let weights = linear_weights(&self.log_weights)?;
+        Ok(self
+            .particles
+            .iter()
+            .zip(weights)
+            .map(|(particle, weight)| weight * value(particle))
+            .sum())
+    }
+}
+
+/// An error that names `what` unless both lengths agree.
+pub(crate) const fn check_length(
+    what: &'static str,
+    given: usize,
+    required: usize,
+) -> Result<(), RbpfError> {
+    if given == required {
+        Ok(())
+    } else {
+        Err(RbpfError::LengthMismatch {
+            what,
+            given,
+            required,
+        })
+    }
+}
