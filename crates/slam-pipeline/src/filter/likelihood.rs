@@ -1,0 +1,157 @@
+//! How well a pose explains a frame, given the map before it (Eq. 26-30).
+//!
+//! `exact`: each match contributes log((1 - eps) N(d; 0, J G J^T + R) + eps / A):
+//! pixel noise and log-determinant are in, and a wrong match costs at most a
+//! constant. A match of open depth contributes the same across its epipolar
+//! line only: the paper's Eq. 30 with a noise and no use of information twice.
+//!
+//! `paper`: Eq. 29 as printed, S = J G J^T without pixel noise or determinant,
+//! d^2 clipped at T_l = 3, and Eq. 30, linear pixel distances to both epipolar
+//! lines without a sigma.
+
+use core::f64::consts::PI;
+
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+
+use super::landmark::{Lens, projected_covariance};
+use super::linearised::across_epipolar;
+use super::observation::{Prepared, Scoring};
+use super::pose::{CameraPose, PlacedCamera};
+
+/// T_l of Eq. 29.
+const PAPER_INNOVATION_CLIP: f64 = 3.0;
+/// Eq. 29 divides by a covariance that shrinks without bound; this is what
+/// rounding leaves of a pixel.
+const PAPER_VARIANCE_FLOOR_PX2: f64 = 1e-6;
+
+/// The observation likelihood of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Likelihood {
+    /// Ideal camera.
+    pub lens: Lens,
+    /// Mount of the camera.
+    pub body_from_camera: Matrix3<f64>,
+    /// Share of wrong matches.
+    pub outlier_share: f64,
+    /// Image area in square pixels.
+    pub image_area_px2: f64,
+    /// Use the printed formulas.
+    pub as_printed: bool,
+}
+
+impl Likelihood {
+    /// log p(z | pose, map), natural logarithm; pixels^-n.
+    ///
+    /// `matches` as prepared for the particle; a landmark the particle lacks or
+    /// cannot see counts as a wrong match, so that weights compare.
+    #[must_use]
+    pub fn log(&self, pose: &CameraPose, matches: &[Option<Prepared>]) -> f64 {
+        let camera = PlacedCamera::new(pose, &self.body_from_camera);
+        matches
+            .iter()
+            .map(|m| match m {
+                Some(m) if self.as_printed => self.printed(&camera, m),
+                Some(m) => self.exact(&camera, m),
+                None if self.as_printed => -0.5 * PAPER_INNOVATION_CLIP,
+                None => (self.outlier_share / self.image_area_px2).ln(),
+            })
+            .sum()
+    }
+
+    fn exact(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+        let across_only = m.scoring == Scoring::AcrossEpipolar;
+        let wrong = if across_only {
+            self.outlier_share / self.image_area_px2.sqrt()
+        } else {
+            self.outlier_share / self.image_area_px2
+        };
+        let focus = m.focus(&self.lens, camera);
+        let ray = m.geometry.ray(&focus);
+        let (Some(predicted), Some(jacobian)) = (
+            self.lens.project(camera, &ray),
+            self.lens.parameter_jacobian(camera, &m.geometry, &focus),
+        ) else {
+            return wrong.ln();
+        };
+        let innovation = m.pixel - predicted;
+        let s = projected_covariance(&jacobian, &m.covariance)
+            + Matrix2::identity() * m.variance_px2;
+        let density = if across_only {
+            let normal = across_epipolar(&jacobian);
+            let variance = (normal.transpose() * s * normal)[(0, 0)];
+            let d = normal.dot(&innovation);
+            (-0.5 * d * d / variance).exp() / (2.0 * PI * variance).sqrt()
+        } else {
+            gaussian_2d(&innovation, &s)
+        };
+        ((1.0 - self.outlier_share) * density + wrong).ln()
+    }
+
+    fn printed(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+        if m.scoring == Scoring::AcrossEpipolar {
+            return -0.5 * self.epipolar_distances(camera, m);
+        }
+        let ray = m.geometry.ray(&m.mean);
+        let (Some(predicted), Some(jacobian)) = (
+            self.lens.project(camera, &ray),
+            self.lens.parameter_jacobian(camera, &m.geometry, &m.mean),
+        ) else {
+            return -0.5 * PAPER_INNOVATION_CLIP;
+        };
+        let innovation = m.pixel - predicted;
+        let s = projected_covariance(&jacobian, &m.covariance)
+            + Matrix2::identity() * PAPER_VARIANCE_FLOOR_PX2;
+        let squared = mahalanobis_2d(&innovation, &s);
+        -0.5 * squared.min(PAPER_INNOVATION_CLIP)
+    }
+
+    /// dist(I_j, H_fj) + dist(I_fj, H_j) of Eq. 30, pixels; zero without baseline,
+    /// where no epipolar line exists.
+    fn epipolar_distances(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+        let ray = m.geometry.ray(&m.mean);
+        let homogeneous = |n: Vector3<f64>| {
+            Vector3::new(
+                self.lens.focal.x * n.x + self.lens.centre.x * n.z,
+                self.lens.focal.y * n.y + self.lens.centre.y * n.z,
+                n.z,
+            )
+        };
+        let distance = |line: Vector3<f64>, p: &Vector2<f64>| {
+            let norm = line.x.hypot(line.y);
+            if norm < 1e-12 {
+                0.0
+            } else {
+                (line.x * p.x + line.y * p.y + line.z).abs() / norm
+            }
+        };
+        let baseline = ray.origin - camera.centre;
+        let here = homogeneous(camera.camera_from_world * ray.base)
+            .cross(&homogeneous(camera.camera_from_world * baseline));
+        let n = self.lens.normalise(&m.pixel);
+        let seen = camera.camera_from_world.tr_mul(&Vector3::new(n.x, n.y, 1.0));
+        let to_anchor = m.geometry.anchor_rotation();
+        let there = homogeneous(to_anchor * seen).cross(&homogeneous(to_anchor * -baseline));
+        let first = Vector2::new(
+            self.lens.focal.x * m.mean.x + self.lens.centre.x,
+            self.lens.focal.y * m.mean.y + self.lens.centre.y,
+        );
+        distance(here, &m.pixel) + distance(there, &first)
+    }
+}
+
+/// Density of N(0, s) at `d`; zero for a covariance that is not positive.
+#[must_use]
+pub fn gaussian_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
+    let det = s.determinant();
+    if det <= 0.0 {
+        return 0.0;
+    }
+    (-0.5 * mahalanobis_2d(d, s)).exp() / (2.0 * PI * det.sqrt())
+}
+
+/// d^T s^-1 d, in closed form.
+#[must_use]
+pub fn mahalanobis_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
+    let det = s.determinant();
+    (s[(1, 1)] * d.x * d.x - 2.0 * s[(0, 1)] * d.x * d.y + s[(0, 0)] * d.y * d.y) / det
+}

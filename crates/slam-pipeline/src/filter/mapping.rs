@@ -1,0 +1,121 @@
+//! The map of a particle after its pose is final.
+//!
+//! Landmarks are updated by an unscented Kalman filter (Eq. 14-16 in the right
+//! form, R inside S), iterated at its posterior while the depth is open. New
+//! landmarks start as anchored inverse depth at their second sighting (`exact`)
+//! or as a two-view point when parallax allows (`paper`, Eq. 22-24).
+
+use core::convert::Infallible;
+
+use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
+use mono_geometry::{Pinhole, Se3};
+use nalgebra::{Matrix3, Rotation3, Vector2};
+use rbpf_core::MapUpdate;
+
+use super::landmark::{Landmark, Lens, Parametrisation};
+use super::landmark_update::LandmarkUpdate;
+use super::observation::{FrameObservation, Initialisation};
+use super::particle::{Keyframe, Particle};
+use super::pose::PlacedCamera;
+
+/// Landmark updates and new landmarks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mapping {
+    /// Rotation of the mount.
+    pub body_from_camera: Matrix3<f64>,
+    /// Landmark filter.
+    pub update: LandmarkUpdate,
+    /// Two-view initialisation: least parallax in radians; `None` starts at the second sighting.
+    pub delayed: Option<f64>,
+}
+
+impl MapUpdate<Particle, FrameObservation> for Mapping {
+    type Error = Infallible;
+
+    fn update_map(
+        &self,
+        particle: &mut Particle,
+        observation: &FrameObservation,
+    ) -> Result<(), Infallible> {
+        if let Some(drawn) = particle.prior.take() {
+            particle.metric = particle.metric.condition_on_pose(&drawn.prior, &particle.pose);
+        }
+        let camera = PlacedCamera::new(&particle.pose, &self.body_from_camera);
+        particle.path.push(Keyframe {
+            camera,
+            body: particle.metric.body(particle.pose.phi),
+            scale: particle.metric.mean.x,
+        });
+        for m in &observation.matches {
+            let known = particle.map.get(m.id).copied();
+            let landmark = match (known, m.prototype) {
+                (Some(known), _) => known,
+                (None, Some(prototype)) if self.delayed.is_none() => prototype,
+                _ => continue,
+            };
+            let Some(geometry) = particle.geometry(&landmark) else {
+                continue;
+            };
+            let (pixel, variance) = (&m.pixel, m.variance_px2);
+            let updated = if known.is_some() {
+                self.update.update(&camera, &geometry, &landmark, pixel, variance)
+            } else {
+                self.update.first(&camera, &geometry, &landmark, pixel, variance)
+            };
+            match updated {
+                Some(updated) => particle.map.insert(m.id, updated),
+                None if known.is_none() => particle.map.insert(m.id, landmark),
+                None => None,
+            };
+        }
+        for new in &observation.initialised {
+            if let Some(landmark) = two_view(&self.update.lens, particle, new) {
+                particle.map.insert(new.id, landmark);
+            }
+        }
+        for id in &observation.removed {
+            particle.map.remove(*id);
+        }
+        Ok(())
+    }
+}
+
+/// Two-view structure in the particle's own path (Eq. 22-24 with the two views'
+/// own poses); `None` with no acceptable solution. The particle's path must
+/// already end in the present keyframe.
+#[must_use]
+pub fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -> Option<Landmark> {
+    let first = particle.path.get(new.first.0 as usize)?.camera;
+    let second = particle.path.last()?.camera;
+    let view = |camera: &PlacedCamera, pixel: Vector2<f64>| Observation {
+        camera_from_world: Se3::new(
+            Rotation3::from_matrix_unchecked(camera.camera_from_world),
+            -(camera.camera_from_world * camera.centre),
+        ),
+        pixel_ideal: pixel,
+        sigma_px: new.sigma_px,
+    };
+    let pinhole = Pinhole {
+        width: 0,
+        height: 0,
+        fx: lens.focal.x,
+        fy: lens.focal.y,
+        cx: lens.centre.x,
+        cy: lens.centre.y,
+    };
+    let solution = triangulate(
+        &pinhole,
+        &[view(&first, new.first.1), view(&second, new.second)],
+        // The parallax was judged once for all particles, in the reference.
+        &Acceptance {
+            min_parallax_rad: 0.0,
+            ..Acceptance::default()
+        },
+    )
+    .ok()?;
+    Some(Landmark {
+        parametrisation: Parametrisation::Point,
+        mean: solution.point,
+        covariance: solution.covariance,
+    })
+}

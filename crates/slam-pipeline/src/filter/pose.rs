@@ -1,0 +1,130 @@
+//! The pose a particle samples: where the camera is and how the body is turned.
+//!
+//! Six numbers: the camera centre (x, y, z) in the particle's own length unit,
+//! the heading phi of the body, and its roll and pitch. The planar part is the
+//! paper's state; z, roll and pitch are the small nuisance states of a carrier
+//! that is not quite planar. They are zero in the strictly planar methods.
+//! The camera centre, not the body, is the state because scaling the camera
+//! path and the map together changes no pixel, whatever the lever arm.
+//!
+//! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
+
+use mono_geometry::angle::wrap;
+use nalgebra::{Matrix3, SVector, Vector3};
+
+/// Dimension of the sampled pose.
+pub const POSE_DIM: usize = 6;
+
+/// Tangent of a pose: (dx, dy, dz, dphi, droll, dpitch).
+pub type PoseStep = SVector<f64, POSE_DIM>;
+
+/// Camera centre and body attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraPose {
+    /// Camera centre in the particle's world, in its length unit.
+    pub centre: Vector3<f64>,
+    /// Heading of the body, radians, in (-pi, pi].
+    pub phi: f64,
+    /// Roll of the body, radians.
+    pub roll: f64,
+    /// Pitch of the body, radians.
+    pub pitch: f64,
+}
+
+impl CameraPose {
+    /// The pose moved by a tangent step; the heading stays wrapped.
+    #[must_use]
+    pub fn retract(&self, step: &PoseStep) -> Self {
+        Self {
+            centre: self.centre + step.fixed_rows::<3>(0),
+            phi: wrap(self.phi + step[3]),
+            roll: self.roll + step[4],
+            pitch: self.pitch + step[5],
+        }
+    }
+
+    /// The step that leads from `self` to `other`; heading differences are wrapped.
+    #[must_use]
+    pub fn local(&self, other: &Self) -> PoseStep {
+        let d = other.centre - self.centre;
+        PoseStep::from([
+            d.x,
+            d.y,
+            d.z,
+            wrap(other.phi - self.phi),
+            other.roll - self.roll,
+            other.pitch - self.pitch,
+        ])
+    }
+
+    /// Rotation from body to world axes.
+    #[must_use]
+    pub fn world_from_body(&self) -> Matrix3<f64> {
+        let (sf, cf) = self.phi.sin_cos();
+        let (sr, cr) = self.roll.sin_cos();
+        let (sp, cp) = self.pitch.sin_cos();
+        Matrix3::new(
+            cf * cp,
+            cf * sp * sr - sf * cr,
+            cf * sp * cr + sf * sr,
+            sf * cp,
+            sf * sp * sr + cf * cr,
+            sf * sp * cr - cf * sr,
+            -sp,
+            cp * sr,
+            cp * cr,
+        )
+    }
+}
+
+/// A camera placed in the world, ready to project: the cached form of a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlacedCamera {
+    /// Camera centre in world axes.
+    pub centre: Vector3<f64>,
+    /// Rotation from world to camera axes.
+    pub camera_from_world: Matrix3<f64>,
+}
+
+impl PlacedCamera {
+    /// Places the camera of `pose`, mounted with `body_from_camera`.
+    #[must_use]
+    pub fn new(pose: &CameraPose, body_from_camera: &Matrix3<f64>) -> Self {
+        Self {
+            centre: pose.centre,
+            camera_from_world: (pose.world_from_body() * body_from_camera).transpose(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    #[test]
+    fn retract_and_local_are_inverse_across_pi() {
+        let a = CameraPose {
+            centre: Vector3::new(1.0, -2.0, 0.1),
+            phi: PI - 0.01,
+            roll: 0.02,
+            pitch: -0.03,
+        };
+        let step = PoseStep::from([0.1, 0.2, -0.3, 0.05, 0.01, -0.02]);
+        let b = a.retract(&step);
+        assert!(b.phi < 0.0, "the heading wrapped");
+        assert!((a.local(&b) - step).norm() < 1e-14);
+    }
+
+    #[test]
+    fn attitude_is_rz_ry_rx() {
+        let pose = CameraPose {
+            centre: Vector3::zeros(),
+            phi: 0.7,
+            roll: -0.2,
+            pitch: 0.3,
+        };
+        let oracle = nalgebra::Rotation3::from_euler_angles(-0.2, 0.3, 0.7);
+        assert!((pose.world_from_body() - oracle.matrix()).norm() < 1e-15);
+    }
+}

@@ -1,0 +1,100 @@
+//! Odometry between filter steps: rows of (duration, v, omega) folded into one
+//! body motion with its covariance.
+
+use mono_geometry::motion::{ControlNoise, Increment, OdometrySample, accumulate};
+use mono_geometry::{GeometryError, Se2};
+use nalgebra::Matrix3;
+
+use crate::config::OdometrySection;
+use crate::filter::motion::Control;
+
+/// One odometry row clipped to an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OdometryInterval {
+    /// Seconds it holds.
+    pub duration_s: f64,
+    /// Forward velocity, m/s.
+    pub v_mps: f64,
+    /// Turn rate, rad/s.
+    pub omega_radps: f64,
+}
+
+/// Accumulates intervals since the last filter step.
+#[derive(Debug, Clone)]
+pub struct Odometer {
+    noise: ControlNoise,
+    increment: Increment,
+    dt_s: f64,
+    distance_m: f64,
+}
+
+const REST: Increment = Increment {
+    mean: Se2 {
+        x: 0.0,
+        y: 0.0,
+        phi: 0.0,
+    },
+    covariance: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+};
+
+impl Odometer {
+    /// An odometer at rest.
+    #[must_use]
+    pub fn new(noise: &OdometrySection) -> Self {
+        Self {
+            noise: ControlNoise {
+                v_ratio: noise.velocity_noise_ratio,
+                v_floor_mps: noise.velocity_noise_mps,
+                lateral_ratio: noise.slip_ratio,
+                lateral_floor_mps: 0.0,
+                omega_ratio: noise.turn_noise_ratio,
+                omega_per_v: 0.0,
+                omega_floor_radps: noise.turn_noise_radps,
+                increment_floor_m: 0.0,
+                increment_floor_rad: 0.0,
+            },
+            increment: REST,
+            dt_s: 0.0,
+            distance_m: 0.0,
+        }
+    }
+
+    /// Forgets what was accumulated.
+    pub fn reset(&mut self) {
+        self.increment = REST;
+        self.dt_s = 0.0;
+        self.distance_m = 0.0;
+    }
+
+    /// Adds an interval, its noise white in (v, omega) and independent of the others'.
+    ///
+    /// # Errors
+    /// [`GeometryError`] for numbers that are not finite.
+    pub fn push(&mut self, interval: &OdometryInterval) -> Result<(), GeometryError> {
+        let sample = OdometrySample {
+            t_s: self.dt_s,
+            v_mps: interval.v_mps,
+            omega_radps: interval.omega_radps,
+        };
+        let next = accumulate(&[(sample, interval.duration_s)], &self.noise)?;
+        self.increment = self.increment.then(&next);
+        self.dt_s += interval.duration_s;
+        self.distance_m += (interval.v_mps * interval.duration_s).abs();
+        Ok(())
+    }
+
+    /// What was accumulated; the covariance is turned from the body axes of the
+    /// end to those of the start, where (dx, dy, dphi) is additive.
+    #[must_use]
+    pub fn control(&self) -> Control {
+        let mean = self.increment.mean;
+        let (sin, cos) = mean.phi.sin_cos();
+        let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        Control {
+            increment: [mean.x, mean.y, mean.phi],
+            covariance: turn * self.increment.covariance * turn.transpose(),
+            dt_s: self.dt_s,
+            distance_m: self.distance_m,
+        }
+    }
+}
