@@ -230,6 +230,14 @@ mod tests {
         }
     }
 
+    /// Points on a border belong to the weight above it, and the last point is never left over.
+    #[test]
+    fn borders_go_to_the_next_positive_weight() {
+        let weights = [0.0, 0.5, 0.0, 0.5, 0.0];
+        let points = [0.0, 0.25, 0.5, 1.0 - f64::EPSILON, 1.0];
+        assert_eq!(pick_sorted(&weights, points.into_iter()), [1, 1, 3, 3, 3]);
+    }
+
     #[test]
     fn degenerate_weights_are_errors() {
         let mut rng = Streams::new(1).shared(0, Purpose::Resampling);
