@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let samples: Vec<f64> = posterior.sample_iter(&mut rng).take(20_000).collect();
     let likelihood = |_: usize, x: &f64| -0.5 * (1.0 - x).powi(2);
     let target = |_: usize, x: &f64| -0.5 * (1.0 - x).powi(2) - 0.5 * x.powi(2);
-    let factor = [[0.5_f64.sqrt()]];
+    let factor = [[0.3]];
     let factors = StepFactors::Common(&factor);
 
     show("posterior samples", &samples);

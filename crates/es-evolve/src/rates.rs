@@ -115,7 +115,7 @@ mod tests {
             close(rates.mutation(log(4.5)), 0.1 - 0.099 * 1.5 / 3.0);
             // As printed: the best mutates most.
             close(rates.mutation(log(6.0)), 0.1);
-            close(rates.mutation(log(3.000_000_001)), 0.001);
+            close(rates.mutation(log(3.003)), 0.001 + 0.099 * 0.001);
         }
     }
 

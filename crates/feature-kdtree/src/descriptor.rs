@@ -16,14 +16,23 @@ pub const MAX_DISTANCE_SQUARED: u32 = DESCRIPTOR_LENGTH as u32 * 255 * 255;
 
 /// Squared Euclidean distance of two descriptors (paper, Eq. 20, before the root).
 ///
-/// At most [`MAX_DISTANCE_SQUARED`] (8 323 200), so it never overflows. O(128), no branches, vectorised by the compiler.
+/// At most [`MAX_DISTANCE_SQUARED`] (8 323 200), so it never overflows. O(128), without branches.
+///
+/// All differences first, then squares added two by two: the compiler maps the second loop to multiply-add
+/// instructions on pairs of 16-bit lanes, which one plain loop does not get. Nothing can wrap; the wrapping
+/// operations only keep overflow checks from undoing the vectorisation in development builds.
 #[must_use]
 #[inline]
 pub fn distance_squared(a: &Descriptor, b: &Descriptor) -> u32 {
-    let mut sum = 0_i32;
+    let mut differences = [0_i16; DESCRIPTOR_LENGTH];
     for i in 0..DESCRIPTOR_LENGTH {
-        let difference = i16::from(a[i]) - i16::from(b[i]);
-        sum += i32::from(difference) * i32::from(difference);
+        differences[i] = i16::from(a[i]).wrapping_sub(i16::from(b[i]));
+    }
+    let mut sum = 0_i32;
+    for i in 0..DESCRIPTOR_LENGTH / 2 {
+        let even = i32::from(differences[2 * i]);
+        let odd = i32::from(differences[2 * i + 1]);
+        sum = sum.wrapping_add(even.wrapping_mul(even).wrapping_add(odd.wrapping_mul(odd)));
     }
     sum.cast_unsigned()
 }

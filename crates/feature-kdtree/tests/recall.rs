@@ -16,6 +16,7 @@ struct Recall {
     both: f64,
 }
 
+#[expect(clippy::print_stdout, reason = "the recall is what this file reports")]
 fn measure(entries: usize, noise: f64, params: KdForestParams) -> Recall {
     let mut scene = Scene::new(77, entries / 25);
     let descriptors = scene.entries(entries);
