@@ -44,7 +44,7 @@ fn detect(c: &mut Criterion) {
         };
         let count = run().expect("checked input");
         c.bench_function(&format!("detect_{width}x{height}_{count}_keypoints"), |b| {
-            b.iter(&mut run)
+            b.iter(&mut run);
         });
     }
 }

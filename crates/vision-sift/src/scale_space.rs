@@ -14,7 +14,7 @@
 //! 3. Level `s` has twice the first scale: every second sample of it starts the next octave.
 //!
 //! A blur is two passes over one row at a time: the column sum of the source rows into a padded row, then the row sum.
-//! Each output sample adds its taps from the centre outwards, in the same order whatever the lane width, the row block
+//! Each output sample adds its taps from the centre outwards, in the same order whatever the vector width, the row block
 //! or the thread, so the values are the same on any number of threads. Outside the image the samples are mirrored about
 //! the border sample.
 //!
@@ -25,9 +25,6 @@ use crate::params::{BORDER, KERNEL_REACH_SIGMAS, SiftParams};
 
 /// Rows of one parallel task.
 const BLOCK_ROWS: usize = 32;
-
-/// Samples summed side by side, enough to fill the vector registers of baseline x86-64.
-const LANES: usize = 16;
 
 /// Shorter sides than this leave no sample to examine.
 const MIN_OCTAVE_SIDE: usize = 2 * BORDER + 1;
@@ -279,114 +276,60 @@ fn blur_row(
     out: &mut [f32],
     diff: &mut [f32],
 ) {
-    let (width, radius) = (source.width(), kernel.radius());
+    let (width, height, radius) = (source.width(), source.height(), kernel.radius());
     let padded = &mut padded[..width + 2 * radius];
-    for_lanes(width, |x, wide| {
-        if wide {
-            padded[radius + x..][..LANES]
-                .copy_from_slice(&column_sum::<LANES>(source, x, y, kernel));
-        } else {
-            padded[radius + x] = column_sum::<1>(source, x, y, kernel)[0];
-        }
-    });
+    let row = |offset: isize| source.row(mirror(y as isize + offset, height));
+    weighted_sum(kernel, &mut padded[radius..radius + width], row);
     for k in 1..=radius {
         padded[radius - k] = padded[radius + mirror(-(k as isize), width)];
         padded[radius + width - 1 + k] = padded[radius + mirror((width - 1 + k) as isize, width)];
     }
-    for_lanes(width, |x, wide| {
-        if wide {
-            out[x..][..LANES].copy_from_slice(&row_sum::<LANES>(padded, x, kernel));
-        } else {
-            out[x] = row_sum::<1>(padded, x, kernel)[0];
-        }
-    });
+    let shifted = |offset: isize| &padded[radius.wrapping_add_signed(offset)..];
+    weighted_sum(kernel, out, shifted);
     for ((d, a), b) in diff.iter_mut().zip(&*out).zip(source.row(y)) {
         *d = *a - *b;
     }
 }
 
-/// Calls `step(x, true)` for runs of [`LANES`] samples, then `step(x, false)` for the single samples left. A row of at
-/// least [`LANES`] samples ends with a run that overlaps the one before instead: the same values are stored twice.
+/// `sum[x] = sum over k of weights[|k|] samples(k)[x]`, two pairs of taps a pass: the row stays in the first cache and
+/// each pass is plain vector code.
 #[inline(always)]
-fn for_lanes(width: usize, mut step: impl FnMut(usize, bool)) {
-    if width < LANES {
-        for x in 0..width {
-            step(x, false);
-        }
-        return;
+fn weighted_sum<'a>(kernel: &Kernel, sum: &mut [f32], samples: impl Fn(isize) -> &'a [f32]) {
+    let pair = |k: usize| (samples(-(k as isize)), samples(k as isize));
+    for (s, centre) in sum.iter_mut().zip(samples(0)) {
+        *s = kernel.weights[0] * *centre;
     }
-    let mut x = 0;
-    while x + LANES <= width {
-        step(x, true);
-        x += LANES;
-    }
-    if x < width {
-        step(width - LANES, true);
-    }
-}
-
-/// The column pass for `L` samples from `x`.
-#[inline(always)]
-fn column_sum<const L: usize>(source: &Plane, x: usize, y: usize, kernel: &Kernel) -> [f32; L] {
-    let height = source.height();
-    let centre = lanes::<L>(&source.row(y)[x..]);
-    let mut sum = [0.0; L];
-    for i in 0..L {
-        sum[i] = kernel.weights[0] * centre[i];
-    }
-    for (k, &weight) in kernel.weights.iter().enumerate().skip(1) {
-        let above = if y >= k {
-            y - k
-        } else {
-            mirror(y as isize - k as isize, height)
-        };
-        let below = if y + k < height {
-            y + k
-        } else {
-            mirror((y + k) as isize, height)
-        };
-        let (above, below) = (
-            lanes::<L>(&source.row(above)[x..]),
-            lanes::<L>(&source.row(below)[x..]),
+    let mut k = 1;
+    while k < kernel.radius() {
+        add_two_pairs(
+            sum,
+            [kernel.weights[k], kernel.weights[k + 1]],
+            [pair(k), pair(k + 1)],
         );
-        for i in 0..L {
-            sum[i] += weight * (above[i] + below[i]);
+        k += 2;
+    }
+    if k == kernel.radius() {
+        let (a, b) = pair(k);
+        for ((s, a), b) in sum.iter_mut().zip(a).zip(b) {
+            *s += kernel.weights[k] * (*a + *b);
         }
     }
-    sum
 }
 
-/// The row pass for `L` samples from `x`; `padded[x + radius]` is sample `x`.
-#[inline(always)]
-fn row_sum<const L: usize>(padded: &[f32], x: usize, kernel: &Kernel) -> [f32; L] {
-    let radius = kernel.radius();
-    let window = &padded[x..x + L + 2 * radius];
-    let centre = lanes::<L>(&window[radius..]);
-    let mut sum = [0.0; L];
-    for i in 0..L {
-        sum[i] = kernel.weights[0] * centre[i];
+/// `sum += w0 (a0 + b0)`, then `sum += w1 (a1 + b1)`.
+fn add_two_pairs(sum: &mut [f32], [w0, w1]: [f32; 2], [(a0, b0), (a1, b1)]: [(&[f32], &[f32]); 2]) {
+    let n = sum.len();
+    let (a0, b0, a1, b1) = (&a0[..n], &b0[..n], &a1[..n], &b1[..n]);
+    for x in 0..n {
+        sum[x] = (sum[x] + w0 * (a0[x] + b0[x])) + w1 * (a1[x] + b1[x]);
     }
-    for (k, &weight) in kernel.weights.iter().enumerate().skip(1) {
-        let (left, right) = (
-            lanes::<L>(&window[radius - k..]),
-            lanes::<L>(&window[radius + k..]),
-        );
-        for i in 0..L {
-            sum[i] += weight * (left[i] + right[i]);
-        }
-    }
-    sum
-}
-
-#[inline(always)]
-fn lanes<const L: usize>(values: &[f32]) -> &[f32; L] {
-    values
-        .first_chunk()
-        .expect("callers stay L samples inside the row")
 }
 
 /// Index `i` mirrored into `0..n` about the first and the last sample, as often as needed.
 fn mirror(i: isize, n: usize) -> usize {
+    if (0..n as isize).contains(&i) {
+        return i as usize;
+    }
     if n == 1 {
         return 0;
     }
@@ -445,7 +388,7 @@ mod tests {
 
     #[test]
     fn blur_is_the_direct_convolution() {
-        // Widths below, at and above the lane width, and sides shorter than the kernel.
+        // Sides shorter than the kernel, heights above one row block.
         for (width, height) in [(11, 13), (16, 11), (37, 70), (50, 33)] {
             let source = noise(width, height);
             for sigma in [1.2, 2.5, 5.0] {
