@@ -118,3 +118,86 @@ fn is_extremum(differences: &[Plane], sample: Sample) -> bool {
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five flat planes of 40 x 30 with some samples set.
+    fn planes(samples: &[(Sample, f32)]) -> Vec<Plane> {
+        let mut planes = vec![Plane::default(); 5];
+        for plane in &mut planes {
+            plane.resize(40, 30);
+        }
+        for (s, value) in samples {
+            planes[s.level].row_mut(s.y)[s.x] = *value;
+        }
+        planes
+    }
+
+    fn found(samples: &[(Sample, f32)]) -> Vec<Sample> {
+        let planes = planes(samples);
+        let mut found = Vec::new();
+        for rows in [0..16, 16..30] {
+            scan(&planes, rows, 0.1, |s| found.push(s));
+        }
+        found
+    }
+
+    fn at(level: usize, y: usize, x: usize) -> Sample {
+        Sample { level, y, x }
+    }
+
+    #[test]
+    fn peaks_and_pits_are_found_wherever_they_are() {
+        // In the vector part and in the rest of a row, at both ends of the part searched.
+        for x in BORDER..40 - BORDER {
+            for (y, level) in [(5, 1), (15, 2), (16, 3), (24, 1)] {
+                for value in [0.5, -0.5] {
+                    assert_eq!(found(&[(at(level, y, x), value)]), [at(level, y, x)]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn each_of_the_26_neighbours_can_forbid() {
+        let centre = at(2, 12, 17);
+        for level in 1..4 {
+            for y in 11..14 {
+                for x in 16..19 {
+                    if at(level, y, x) != centre {
+                        let hits = found(&[(centre, 0.5), (at(level, y, x), 0.6)]);
+                        assert_eq!(hits, [at(level, y, x)]);
+                        let hits = found(&[(centre, -0.5), (at(level, y, x), -0.6)]);
+                        assert_eq!(hits, [at(level, y, x)]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_plateau_gives_its_first_sample_only() {
+        let plateau: Vec<_> = [(2, 12, 17), (2, 12, 18), (2, 13, 17), (3, 12, 17)]
+            .map(|(l, y, x)| (at(l, y, x), 0.5))
+            .to_vec();
+        assert_eq!(found(&plateau), [at(2, 12, 17)]);
+    }
+
+    #[test]
+    fn border_threshold_and_outer_levels_are_left_out() {
+        let none = [
+            at(2, 4, 17),
+            at(2, 25, 17),
+            at(2, 12, 4),
+            at(2, 12, 35),
+            at(0, 12, 17),
+            at(4, 12, 17),
+        ];
+        for sample in none {
+            assert!(found(&[(sample, 0.5)]).is_empty(), "{sample:?}");
+        }
+        assert!(found(&[(at(2, 12, 17), 0.1)]).is_empty());
+    }
+}

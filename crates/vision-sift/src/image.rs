@@ -192,4 +192,14 @@ mod tests {
         let view = GrayImage::with_stride(16, 16, 20, &data).unwrap();
         assert_eq!(view.row(15), &data[300..316]);
     }
+
+    #[cfg(feature = "image")]
+    #[test]
+    fn pictures_of_the_image_crate_are_borrowed() {
+        let picture =
+            image::GrayImage::from_fn(20, 17, |x, y| image::Luma([(x * 3 + y * 7) as u8]));
+        let view = GrayImage::try_from(&picture).unwrap();
+        assert_eq!((view.width(), view.height(), view.row(4)[5]), (20, 17, 43));
+        assert!(GrayImage::try_from(&image::GrayImage::new(9, 20)).is_err());
+    }
 }

@@ -134,3 +134,108 @@ fn solve3(mut a: [[f32; 3]; 3], mut b: [f32; 3]) -> Option<[f32; 3]> {
     }
     Some(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `D = peak - a (x - cx)^2 - b (y - cy)^2 - c (level - cl)^2 - d (x - cx)(y - cy)`.
+    fn paraboloid(peak: f32, [cx, cy, cl]: [f32; 3], [a, b, c, d]: [f32; 4]) -> Vec<Plane> {
+        (0..5_u8)
+            .map(|level| {
+                let mut plane = Plane::default();
+                plane.resize(30, 28);
+                for y in 0..28 {
+                    for x in 0..30 {
+                        let (u, v, w) = (x as f32 - cx, y as f32 - cy, f32::from(level) - cl);
+                        plane.row_mut(y)[x] = peak - a * u * u - b * v * v - c * w * w - d * u * v;
+                    }
+                }
+                plane
+            })
+            .collect()
+    }
+
+    const ROUND: [f32; 4] = [0.01, 0.012, 0.008, 0.004];
+
+    #[test]
+    fn the_top_of_a_quadratic_is_exact() {
+        let centre = [14.3, 12.8, 2.25];
+        for sign in [1.0, -1.0] {
+            let planes = paraboloid(sign * 0.2, centre, ROUND.map(|c| sign * c));
+            // From the nearest sample and from samples two away, which have to move.
+            for (x, y, level) in [(14, 13, 2), (16, 12, 2), (13, 15, 3), (15, 11, 1)] {
+                let point = refine(&planes, Sample { level, y, x }, 0.01, 10.0).unwrap();
+                let error = [
+                    point.x - centre[0],
+                    point.y - centre[1],
+                    point.level - centre[2],
+                ];
+                assert!(error.iter().all(|e| e.abs() < 1e-3), "{error:?}");
+                assert!((point.response - 0.2).abs() < 1e-5);
+                assert_eq!(
+                    point.sample,
+                    Sample {
+                        level: 2,
+                        y: 13,
+                        x: 14
+                    }
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_offset_up_to_six_tenths_stays() {
+        let start = Sample {
+            level: 2,
+            y: 13,
+            x: 14,
+        };
+        let settled = |cx: f32| {
+            refine(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND), start, 0.01, 10.0)
+                .unwrap()
+                .sample
+                .x
+        };
+        assert_eq!(
+            [settled(14.45), settled(14.58), settled(14.63)],
+            [14, 14, 15]
+        );
+    }
+
+    #[test]
+    fn faint_edge_saddle_flat_and_runaway_are_rejected() {
+        let start = Sample {
+            level: 2,
+            y: 13,
+            x: 14,
+        };
+        let centre = [14.2, 13.1, 2.0];
+        let with = |coefficients, contrast| {
+            refine(
+                &paraboloid(0.2, centre, coefficients),
+                start,
+                contrast,
+                10.0,
+            )
+        };
+        assert!(with(ROUND, 0.19).is_some());
+        assert!(with(ROUND, 0.21).is_none());
+        // Curvatures in the ratio 9 pass, in the ratio 11 do not: the limit is r = 10 itself.
+        assert!(with([0.045, 0.005, 0.008, 0.0], 0.01).is_some());
+        assert!(with([0.055, 0.005, 0.008, 0.0], 0.01).is_none());
+        assert!(with([0.01, -0.01, 0.008, 0.0], 0.01).is_none());
+        assert!(with([0.0; 4], 0.01).is_none());
+        assert!(refine(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND), start, 0.01, 10.0).is_none());
+        assert!(
+            refine(
+                &paraboloid(0.9, [14.0, 13.0, 3.9], ROUND),
+                start,
+                0.01,
+                10.0
+            )
+            .is_none()
+        );
+    }
+}

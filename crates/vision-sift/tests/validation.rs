@@ -1,6 +1,8 @@
 //! Agreement with OpenCV's SIFT: numbers of `reference/opencv_sift.py` (OpenCV 5.0.0), and, where the optional data is
 //! present, known homographies between photographs.
 
+#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
+
 mod common;
 
 use std::path::PathBuf;

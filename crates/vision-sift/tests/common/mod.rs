@@ -33,7 +33,8 @@ impl Picture {
     }
 
     pub fn view(&self) -> GrayImage<'_> {
-        GrayImage::new(self.width, self.height, &self.pixels).unwrap()
+        GrayImage::new(self.width, self.height, &self.pixels)
+            .expect("test pictures are large enough")
     }
 
     pub fn transposed(&self) -> Self {
@@ -98,14 +99,14 @@ pub fn scene(x: f64, y: f64, side: f64) -> f64 {
 pub fn detect_with(picture: &Picture, params: SiftParams) -> Features {
     let mut features = Features::default();
     Detector::new(params)
-        .unwrap()
+        .expect("test parameters are in range")
         .detect(&picture.view(), &mut Workspace::new(), &mut features)
-        .unwrap();
+        .expect("checked input");
     features
 }
 
 pub fn detect(picture: &Picture) -> Features {
-    vision_sift::detect(&picture.view()).unwrap()
+    vision_sift::detect(&picture.view()).expect("checked input")
 }
 
 /// Difference of two angles in `[-pi, pi)`.
