@@ -78,7 +78,7 @@ pub struct SiftParams {
     /// Contrast threshold in OpenCV's convention: a keypoint is kept when `|D| >= contrast_threshold /
     /// scales_per_octave`, grey values in `[0, 1]`, so that more levels per octave (each a smaller difference) do not
     /// lose keypoints. In `[0.0001, 1]`. Lowe, section 4, keeps `|D| >= 0.03`, which is 0.09 here; OpenCV's default is
-    /// 0.04, which is the default here too: some 250 to 600 keypoints in an indoor picture of 320x240.
+    /// 0.04, which is the default here too: some 380 to 660 features in an indoor picture of 320x240.
     pub contrast_threshold: f32,
     /// Largest ratio of principal curvatures, `r` in Lowe, section 4.1: larger means an edge. In `[1, 1000]`, default 10.
     pub edge_ratio: f32,
