@@ -1,1 +1,50 @@
-//! SIFT keypoints and descriptors (Lowe 2004) from a grey image.
+//! SIFT keypoints and descriptors from a grey image.
+//!
+//! The method is that of D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 60(2), 2004, one
+//! stage per module, with sub-pixel positions that are exact with respect to the input image and results that do not
+//! depend on the number of threads. Descriptors are laid out and quantised as OpenCV's, so both may be compared.
+//!
+//! ```
+//! let pixels = vec![0_u8; 64 * 48];
+//! let image = vision_sift::GrayImage::new(64, 48, &pixels)?;
+//! let features = vision_sift::detect(&image)?;
+//! assert_eq!(features.keypoints.len(), features.descriptors.len());
+//! # Ok::<(), vision_sift::SiftError>(())
+//! ```
+//!
+//! For a sequence of images make one [`Detector`] and reuse one [`Workspace`].
+//!
+//! Not for: colour (convert first), large changes of viewpoint (SIFT is invariant to similarities, tolerant of affine
+//! maps up to some 40 degrees of tilt), or images of binary patterns, where corner detectors are faster.
+//!
+//! # Features
+//! * `parallel` (default): pyramid, extrema, orientations and descriptors on the current rayon pool; same values.
+//! * `image`: `TryFrom<&image::GrayImage>` for [`GrayImage`].
+
+pub mod params;
+
+mod image;
+mod scale_space;
+
+mod extrema;
+mod refine;
+
+mod gradient;
+mod orientation;
+
+mod descriptor;
+
+mod detector;
+mod error;
+mod threads;
+
+pub use detector::{Detector, Features, Keypoint, Workspace, detect};
+pub use error::SiftError;
+pub use image::GrayImage;
+pub use params::SiftParams;
+
+/// Compiles the README's code.
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+#[derive(Debug)]
+pub struct ReadmeDoctests;

@@ -1,0 +1,319 @@
+//! The stages in order: pyramid, extrema, refinement, orientation, descriptor.
+//!
+//! [`Detector`] is immutable and may be shared; [`Workspace`] holds all scratch memory and belongs to one caller at a
+//! time. After the first image of a size nothing is allocated except when more keypoints turn up than ever before.
+//!
+//! Features come octave by octave from fine to coarse, within an octave by level, row and column of the sample, then by
+//! orientation. The order and every value are the same on any number of threads.
+
+use crate::descriptor::{Frame, describe};
+use crate::error::SiftError;
+use crate::extrema;
+use crate::image::GrayImage;
+use crate::orientation::{Orientations, orientations};
+use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
+use crate::refine::{ScalePoint, refine};
+use crate::scale_space::{Kernels, ScaleSpace};
+use crate::threads::for_each_indexed;
+
+/// Rows of one parallel task of the extremum search.
+const BLOCK_ROWS: usize = 32;
+
+/// A keypoint with one orientation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Keypoint {
+    /// Column in input pixels; 0 is the centre of the leftmost pixel.
+    pub x: f32,
+    /// Row in input pixels; 0 is the centre of the topmost pixel.
+    pub y: f32,
+    /// Scale in input pixels: the standard deviation of the Gaussian at which the keypoint was found.
+    pub sigma: f32,
+    /// Orientation in radians, `[0, 2 pi)`, from the x axis towards the y axis (clockwise as seen).
+    pub angle: f32,
+    /// `|D|` at the refined extremum, grey values in `[0, 1]`.
+    pub response: f32,
+}
+
+/// Keypoints and their descriptors, index by index.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Features {
+    /// One entry per keypoint and orientation.
+    pub keypoints: Vec<Keypoint>,
+    /// `descriptors[i]` belongs to `keypoints[i]`; as many.
+    pub descriptors: Vec<[u8; DESCRIPTOR_LENGTH]>,
+}
+
+/// Scratch memory of [`Detector::detect`], reused from image to image.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    scale_space: ScaleSpace,
+    blocks: Vec<Vec<ScalePoint>>,
+    points: Vec<OctavePoint>,
+    orientations: Vec<Orientations>,
+    oriented: Vec<OrientedPoint>,
+}
+
+impl Workspace {
+    /// An empty workspace; the first image sizes it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Bytes held on the heap.
+    #[must_use]
+    pub fn memory_usage(&self) -> usize {
+        self.scale_space.memory_usage()
+            + self.blocks.capacity() * size_of::<Vec<ScalePoint>>()
+            + self
+                .blocks
+                .iter()
+                .map(|b| b.capacity() * size_of::<ScalePoint>())
+                .sum::<usize>()
+            + self.points.capacity() * size_of::<OctavePoint>()
+            + self.orientations.capacity() * size_of::<Orientations>()
+            + self.oriented.capacity() * size_of::<OrientedPoint>()
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct OctavePoint {
+    octave: usize,
+    point: ScalePoint,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct OrientedPoint {
+    /// Index into the points.
+    index: usize,
+    angle: f32,
+    response: f32,
+}
+
+/// Finds and describes keypoints; made once from its parameters.
+///
+/// ```
+/// use vision_sift::{Detector, Features, GrayImage, SiftParams, Workspace};
+///
+/// let detector = Detector::new(SiftParams { max_features: Some(300), ..SiftParams::default() })?;
+/// let (mut workspace, mut features) = (Workspace::new(), Features::default());
+/// let pixels = vec![128_u8; 320 * 240];
+/// detector.detect(&GrayImage::new(320, 240, &pixels)?, &mut workspace, &mut features)?;
+/// assert!(features.keypoints.is_empty()); // a blank image
+/// # Ok::<(), vision_sift::SiftError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Detector {
+    params: SiftParams,
+    kernels: Kernels,
+}
+
+impl Detector {
+    /// A detector with these parameters.
+    ///
+    /// # Errors
+    /// [`SiftError::ParameterOutOfRange`] for the first parameter outside its range.
+    pub fn new(params: SiftParams) -> Result<Self, SiftError> {
+        params.check()?;
+        let kernels = Kernels::new(&params);
+        Ok(Self { params, kernels })
+    }
+
+    /// The parameters given.
+    #[must_use]
+    pub fn params(&self) -> &SiftParams {
+        &self.params
+    }
+
+    /// Finds the keypoints of `image` and describes them; `features` is cleared and refilled.
+    ///
+    /// An image without keypoints (blank, black, saturated) gives empty features. With the feature `parallel` the work
+    /// runs on the current rayon pool. Time grows with the pixels and with the features found.
+    ///
+    /// # Errors
+    /// None at present: the image and the parameters were checked when they were made.
+    pub fn detect(
+        &self,
+        image: &GrayImage<'_>,
+        workspace: &mut Workspace,
+        features: &mut Features,
+    ) -> Result<(), SiftError> {
+        features.keypoints.clear();
+        features.descriptors.clear();
+        self.find_points(image, workspace);
+        self.orient(workspace);
+        self.describe(workspace, features);
+        Ok(())
+    }
+
+    /// Pyramid, extrema and refinement of all octaves into `workspace.points`.
+    fn find_points(&self, image: &GrayImage<'_>, workspace: &mut Workspace) {
+        let Workspace {
+            scale_space,
+            blocks,
+            points,
+            ..
+        } = workspace;
+        let min_contrast = self.params.min_contrast();
+        points.clear();
+        scale_space.start(image, &self.params);
+        for octave in 0..scale_space.octaves() {
+            scale_space.build_octave(octave, &self.kernels);
+            let differences = scale_space.differences();
+            let height = differences[0].height();
+            let used = height.div_ceil(BLOCK_ROWS);
+            if blocks.len() < used {
+                blocks.resize_with(used, Vec::new);
+            }
+            for_each_indexed(&mut blocks[..used], |block, found| {
+                found.clear();
+                let rows = block * BLOCK_ROWS..((block + 1) * BLOCK_ROWS).min(height);
+                extrema::scan(
+                    differences,
+                    rows,
+                    PREFILTER_SHARE * min_contrast,
+                    |sample| {
+                        found.extend(refine(
+                            differences,
+                            sample,
+                            min_contrast,
+                            self.params.edge_ratio,
+                        ));
+                    },
+                );
+            });
+            let first = points.len();
+            points.extend(
+                blocks[..used]
+                    .iter()
+                    .flatten()
+                    .map(|&point| OctavePoint { octave, point }),
+            );
+            points[first..].sort_unstable_by_key(|p| p.point.sample);
+        }
+        // Two candidates that settled on one sample have the same fit.
+        points.dedup_by_key(|p| (p.octave, p.point.sample));
+        if let Some(limit) = self.params.max_features {
+            // Every point with an orientation gives a feature, so no weaker point can be among the strongest features.
+            keep_strongest(
+                points,
+                limit,
+                |p| p.point.response,
+                |p| (p.octave, p.point.sample),
+            );
+        }
+    }
+
+    /// One entry in `workspace.oriented` for each orientation of each point.
+    fn orient(&self, workspace: &mut Workspace) {
+        let Workspace {
+            scale_space,
+            points,
+            orientations: found,
+            oriented,
+            ..
+        } = workspace;
+        found.clear();
+        found.resize(points.len(), Orientations::default());
+        for_each_indexed(found, |i, out| {
+            let OctavePoint { octave, point } = points[i];
+            let plane = scale_space.gaussian(octave, point.sample.level);
+            *out = orientations(
+                plane,
+                point.x,
+                point.y,
+                self.params.level_sigma(point.level),
+            );
+        });
+        oriented.clear();
+        for (index, (point, orientations)) in points.iter().zip(&*found).enumerate() {
+            let response = point.point.response;
+            oriented.extend(orientations.angles().iter().map(|&angle| OrientedPoint {
+                index,
+                angle,
+                response,
+            }));
+        }
+        if let Some(limit) = self.params.max_features {
+            keep_strongest(
+                oriented,
+                limit,
+                |p| p.response,
+                |p| (p.index, p.angle.to_bits()),
+            );
+        }
+    }
+
+    fn describe(&self, workspace: &Workspace, features: &mut Features) {
+        let Workspace {
+            scale_space,
+            points,
+            oriented,
+            ..
+        } = workspace;
+        features.keypoints.extend(oriented.iter().map(
+            |&OrientedPoint {
+                 index,
+                 angle,
+                 response,
+             }| {
+                let OctavePoint { octave, point } = points[index];
+                let step = self.params.octave_step(octave);
+                let sigma = step * self.params.level_sigma(point.level);
+                Keypoint {
+                    x: step * point.x,
+                    y: step * point.y,
+                    sigma,
+                    angle,
+                    response,
+                }
+            },
+        ));
+        features
+            .descriptors
+            .resize(oriented.len(), [0; DESCRIPTOR_LENGTH]);
+        for_each_indexed(&mut features.descriptors, |i, descriptor| {
+            let OrientedPoint { index, angle, .. } = oriented[i];
+            let OctavePoint { octave, point } = points[index];
+            let sigma = self.params.level_sigma(point.level);
+            let frame = Frame {
+                x: point.x,
+                y: point.y,
+                sigma,
+                angle,
+            };
+            *descriptor = describe(scale_space.gaussian(octave, point.sample.level), frame);
+        });
+    }
+}
+
+/// Finds and describes the keypoints of one image with the default parameters.
+///
+/// For a sequence keep a [`Detector`] and a [`Workspace`] instead, which saves the allocations.
+///
+/// # Errors
+/// As [`Detector::detect`].
+pub fn detect(image: &GrayImage<'_>) -> Result<Features, SiftError> {
+    let mut features = Features::default();
+    Detector::new(SiftParams::default())?.detect(image, &mut Workspace::new(), &mut features)?;
+    Ok(features)
+}
+
+/// Keeps the `limit` items of strongest response, equal ones by `key`, and leaves them sorted by `key`.
+fn keep_strongest<T, K: Ord>(
+    items: &mut Vec<T>,
+    limit: usize,
+    response: impl Fn(&T) -> f32,
+    key: impl Fn(&T) -> K,
+) {
+    if items.len() <= limit {
+        return;
+    }
+    items.select_nth_unstable_by(limit, |a, b| {
+        response(b)
+            .total_cmp(&response(a))
+            .then_with(|| key(a).cmp(&key(b)))
+    });
+    items.truncate(limit);
+    items.sort_unstable_by_key(key);
+}

@@ -1,0 +1,205 @@
+//! The grey image seen by the detector and the `f32` planes it works on.
+//!
+//! [`GrayImage`] borrows 8-bit pixels with any row stride. [`Plane`] owns one level of the pyramid in `f32`, rows
+//! contiguous, grey values scaled to `[0, 1]` as in Lowe 2004, section 4.
+//!
+//! Everywhere in the crate the pixel `(0, 0)` is the *centre* of the top-left pixel, x to the right, y downwards.
+
+use crate::error::SiftError;
+use crate::params::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
+
+/// A borrowed 8-bit grey image.
+///
+/// The constructor checks the sizes once, so that no later stage can read outside.
+#[derive(Debug, Clone, Copy)]
+pub struct GrayImage<'a> {
+    width: usize,
+    height: usize,
+    stride: usize,
+    data: &'a [u8],
+}
+
+impl<'a> GrayImage<'a> {
+    /// An image whose rows follow one another without gaps.
+    ///
+    /// # Errors
+    /// [`SiftError::ImageTooSmall`], [`SiftError::ImageTooLarge`], [`SiftError::BufferTooShort`]. A longer buffer is
+    /// accepted, the rest is ignored.
+    pub fn new(width: usize, height: usize, data: &'a [u8]) -> Result<Self, SiftError> {
+        Self::with_stride(width, height, width, data)
+    }
+
+    /// An image whose row `y` begins at byte `y * stride`; the last row may end at its last pixel.
+    ///
+    /// # Errors
+    /// As [`GrayImage::new`], and [`SiftError::StrideTooSmall`].
+    pub fn with_stride(
+        width: usize,
+        height: usize,
+        stride: usize,
+        data: &'a [u8],
+    ) -> Result<Self, SiftError> {
+        if width < MIN_IMAGE_SIDE || height < MIN_IMAGE_SIDE {
+            return Err(SiftError::ImageTooSmall {
+                width,
+                height,
+                minimum: MIN_IMAGE_SIDE,
+            });
+        }
+        if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
+            return Err(SiftError::ImageTooLarge {
+                width,
+                height,
+                maximum: MAX_IMAGE_SIDE,
+            });
+        }
+        if stride < width {
+            return Err(SiftError::StrideTooSmall { stride, width });
+        }
+        let required = stride.saturating_mul(height - 1).saturating_add(width);
+        if data.len() < required {
+            return Err(SiftError::BufferTooShort {
+                length: data.len(),
+                required,
+            });
+        }
+        Ok(Self {
+            width,
+            height,
+            stride,
+            data,
+        })
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The pixels of row `y`.
+    ///
+    /// # Panics
+    /// If `y` is not less than the height.
+    pub fn row(&self, y: usize) -> &'a [u8] {
+        let start = y * self.stride;
+        &self.data[start..start + self.width]
+    }
+}
+
+#[cfg(feature = "image")]
+impl<'a> TryFrom<&'a image::GrayImage> for GrayImage<'a> {
+    type Error = SiftError;
+
+    fn try_from(picture: &'a image::GrayImage) -> Result<Self, SiftError> {
+        Self::new(
+            picture.width() as usize,
+            picture.height() as usize,
+            picture.as_raw(),
+        )
+    }
+}
+
+/// One `f32` level of the pyramid, rows contiguous.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Plane {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+impl Plane {
+    /// Takes a new size; the contents are then unspecified. Allocates only to grow.
+    pub(crate) fn resize(&mut self, width: usize, height: usize) {
+        self.width = width;
+        self.height = height;
+        self.data.resize(width * height, 0.0);
+    }
+
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
+    pub(crate) fn height(&self) -> usize {
+        self.height
+    }
+
+    pub(crate) fn row(&self, y: usize) -> &[f32] {
+        &self.data[y * self.width..(y + 1) * self.width]
+    }
+
+    pub(crate) fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        &mut self.data[y * self.width..(y + 1) * self.width]
+    }
+
+    pub(crate) fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
+        self.data[y * self.width + x]
+    }
+
+    /// Bytes held, whether in use or spare.
+    pub(crate) fn memory_usage(&self) -> usize {
+        self.data.capacity() * size_of::<f32>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_checked_with_their_numbers() {
+        let data = [0_u8; 400];
+        assert_eq!(
+            GrayImage::new(15, 20, &data).unwrap_err().to_string(),
+            "image is 15x20 pixels, at least 16x16 needed"
+        );
+        assert_eq!(
+            GrayImage::new(20, 21, &data).unwrap_err(),
+            SiftError::BufferTooShort {
+                length: 400,
+                required: 420
+            }
+        );
+        assert_eq!(
+            GrayImage::with_stride(20, 20, 19, &data).unwrap_err(),
+            SiftError::StrideTooSmall {
+                stride: 19,
+                width: 20
+            }
+        );
+        assert!(matches!(
+            GrayImage::new(usize::MAX, 20, &data),
+            Err(SiftError::ImageTooLarge { .. })
+        ));
+        assert!(matches!(
+            GrayImage::with_stride(20, 20, usize::MAX, &data),
+            Err(SiftError::BufferTooShort { .. })
+        ));
+        assert!(GrayImage::new(0, 0, &[]).is_err());
+    }
+
+    #[test]
+    fn the_last_row_may_end_at_its_last_pixel() {
+        let data: Vec<u8> = (0..16 * 20 - 4).map(|i| (i % 256) as u8).collect();
+        let view = GrayImage::with_stride(16, 16, 20, &data).unwrap();
+        assert_eq!(view.row(15), &data[300..316]);
+    }
+
+    #[cfg(feature = "image")]
+    #[test]
+    fn pictures_of_the_image_crate_are_borrowed() {
+        let picture =
+            image::GrayImage::from_fn(20, 17, |x, y| image::Luma([(x * 3 + y * 7) as u8]));
+        let view = GrayImage::try_from(&picture).unwrap();
+        assert_eq!((view.width(), view.height(), view.row(4)[5]), (20, 17, 43));
+        assert!(GrayImage::try_from(&image::GrayImage::new(9, 20)).is_err());
+    }
+}

@@ -1,0 +1,263 @@
+//! Parameters of the detector and every constant of the method, named, with its place in the paper.
+//!
+//! Source: D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 60(2), 2004, called *Lowe*
+//! below. Where this crate departs from the paper the constant says so. Grey values are scaled to `[0, 1]`.
+
+use crate::error::SiftError;
+
+/// Shortest image side accepted, pixels. Below it no octave has room for an extremum away from the border.
+pub const MIN_IMAGE_SIDE: usize = 16;
+
+/// Longest image side accepted, pixels. At this length a doubled image still has exact `f32` coordinates.
+pub const MAX_IMAGE_SIDE: usize = 32_767;
+
+/// Extrema nearer than this to the border of their octave are not looked for, octave pixels. Implementation choice
+/// (the descriptor window of such points is mostly outside); OpenCV uses the same value.
+pub(crate) const BORDER: usize = 5;
+
+/// A kernel reaches this many standard deviations each way: the tail cut off is below 1e-4 of the mass.
+pub(crate) const KERNEL_REACH_SIGMAS: f32 = 4.0;
+
+/// Extrema below this share of the contrast threshold are dropped before the refinement: the refined value
+/// `D + D'x/2` exceeds the sample by too little to pass. Implementation choice.
+pub(crate) const PREFILTER_SHARE: f32 = 0.5;
+
+/// Steps of the refinement before a point is given up. Lowe, section 4, gives no number; 5 is customary.
+pub(crate) const MAX_REFINE_STEPS: usize = 5;
+
+/// A refined offset is accepted up to this length per axis, samples. Lowe, section 4, says 0.5; the hysteresis of 0.1
+/// keeps points that would hop between two samples and measurably raises repeatability.
+pub(crate) const MAX_REFINE_OFFSET: f32 = 0.6;
+
+/// Orientation histogram: number of bins over the full circle. Lowe, section 5: 36.
+pub(crate) const ORIENTATION_BINS: usize = 36;
+
+/// Orientation histogram: standard deviation of the window in units of the keypoint scale. Lowe, section 5: 1.5.
+pub(crate) const ORIENTATION_SIGMA_FACTOR: f32 = 1.5;
+
+/// Orientation histogram: the window reaches this many of its standard deviations. Implementation choice: 3.
+pub(crate) const ORIENTATION_REACH_SIGMAS: f32 = 3.0;
+
+/// A secondary peak at least this share of the highest makes a keypoint of its own. Lowe, section 5: 0.8.
+pub(crate) const ORIENTATION_PEAK_RATIO: f32 = 0.8;
+
+/// Descriptor: spatial cells per side. Lowe, section 6.2: 4.
+pub(crate) const DESCRIPTOR_CELLS: usize = 4;
+
+/// Descriptor: orientation bins per cell. Lowe, section 6.2: 8.
+pub(crate) const DESCRIPTOR_BINS: usize = 8;
+
+/// Length of a descriptor: 4 x 4 cells x 8 bins.
+pub const DESCRIPTOR_LENGTH: usize = DESCRIPTOR_CELLS * DESCRIPTOR_CELLS * DESCRIPTOR_BINS;
+
+/// Descriptor: side of a cell in units of the keypoint scale. Lowe gives 4 samples a cell at one scale; 3 sigma is what
+/// his program and OpenCV use.
+pub(crate) const DESCRIPTOR_CELL_SIGMAS: f32 = 3.0;
+
+/// Descriptor: standard deviation of the window in cells; half the window width of 4 cells. Lowe, section 6.1.
+pub(crate) const DESCRIPTOR_WINDOW_SIGMA_CELLS: f32 = 2.0;
+
+/// Descriptor: values of the unit vector above this are cut before renormalising. Lowe, section 6.1: 0.2.
+pub(crate) const DESCRIPTOR_CLIP: f32 = 0.2;
+
+/// Descriptor: unit vector to bytes, values above 255 saturate. As OpenCV.
+pub(crate) const DESCRIPTOR_BYTE_SCALE: f32 = 512.0;
+
+/// What the detector looks for. Checked by [`crate::Detector::new`].
+///
+/// Plain data: start from [`SiftParams::default`] and change what is needed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SiftParams {
+    /// Keep only this many features, those with the strongest response; equal responses: the finer octave, then the
+    /// finer level, then the upper row, then the left column. `None` keeps all. At least 1.
+    pub max_features: Option<usize>,
+    /// Double the image before the first octave (Lowe, section 3.3: about four times the keypoints). Default true.
+    pub double_image: bool,
+    /// Sampled scales per octave, `s` in Lowe, section 3.1. In `[1, 8]`, default 3 (Lowe, Fig. 3).
+    pub scales_per_octave: usize,
+    /// Contrast threshold in OpenCV's convention: a keypoint is kept when `|D| >= contrast_threshold /
+    /// scales_per_octave`, grey values in `[0, 1]`, so that more levels per octave (each a smaller difference) do not
+    /// lose keypoints. In `[0.0001, 1]`. Lowe, section 4, keeps `|D| >= 0.03`, which is 0.09 here; OpenCV's default is
+    /// 0.04, which is the default here too: some 380 to 660 features in an indoor picture of 320x240.
+    pub contrast_threshold: f32,
+    /// Largest ratio of principal curvatures, `r` in Lowe, section 4.1: larger means an edge. In `[1, 1000]`, default 10.
+    pub edge_ratio: f32,
+    /// Scale of the first level of an octave, octave pixels. In `[1.2, 4]`, default 1.6 (Lowe, section 3.3).
+    pub base_sigma: f32,
+    /// Blur the camera has already put on the image, input pixels. In `[0, 0.55]`, default 0.5 (Lowe, section 3.3).
+    pub camera_sigma: f32,
+}
+
+impl Default for SiftParams {
+    fn default() -> Self {
+        Self {
+            max_features: None,
+            double_image: true,
+            scales_per_octave: 3,
+            contrast_threshold: 0.04,
+            edge_ratio: 10.0,
+            base_sigma: 1.6,
+            camera_sigma: 0.5,
+        }
+    }
+}
+
+impl SiftParams {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`SiftError::ParameterOutOfRange`] for the first field outside its range.
+    pub fn check(&self) -> Result<(), SiftError> {
+        if let Some(n) = self.max_features {
+            in_range("max_features", n as f64, 1.0, f64::MAX)?;
+        }
+        in_range("scales_per_octave", self.scales_per_octave as f64, 1.0, 8.0)?;
+        in_range(
+            "contrast_threshold",
+            f64::from(self.contrast_threshold),
+            f64::from(1e-4_f32),
+            1.0,
+        )?;
+        in_range("edge_ratio", f64::from(self.edge_ratio), 1.0, 1000.0)?;
+        in_range(
+            "base_sigma",
+            f64::from(self.base_sigma),
+            f64::from(1.2_f32),
+            4.0,
+        )?;
+        in_range(
+            "camera_sigma",
+            f64::from(self.camera_sigma),
+            0.0,
+            f64::from(0.55_f32),
+        )
+    }
+
+    /// Smallest `|D|` of a keypoint, grey values in `[0, 1]`.
+    pub(crate) fn min_contrast(&self) -> f32 {
+        self.contrast_threshold / self.scales_per_octave as f32
+    }
+
+    /// Scale of level `level` (may be fractional) of an octave, octave pixels: `sigma_0 2^(level / s)`.
+    pub(crate) fn level_sigma(&self, level: f32) -> f32 {
+        self.base_sigma * (level / self.scales_per_octave as f32).exp2()
+    }
+
+    /// Input pixels per pixel of octave `octave`.
+    pub(crate) fn octave_step(&self, octave: usize) -> f32 {
+        let first = if self.double_image { 0.5 } else { 1.0 };
+        first * (1_u64 << octave) as f32
+    }
+}
+
+fn in_range(name: &'static str, value: f64, minimum: f64, maximum: f64) -> Result<(), SiftError> {
+    // Written so that NaN fails.
+    if value >= minimum && value <= maximum {
+        Ok(())
+    } else {
+        Err(SiftError::ParameterOutOfRange {
+            name,
+            value,
+            minimum,
+            maximum,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_field_is_checked() {
+        assert_eq!(SiftParams::default().check(), Ok(()));
+        let d = SiftParams::default;
+        let bad = [
+            (
+                "max_features",
+                SiftParams {
+                    max_features: Some(0),
+                    ..d()
+                },
+            ),
+            (
+                "scales_per_octave",
+                SiftParams {
+                    scales_per_octave: 0,
+                    ..d()
+                },
+            ),
+            (
+                "scales_per_octave",
+                SiftParams {
+                    scales_per_octave: 9,
+                    ..d()
+                },
+            ),
+            (
+                "contrast_threshold",
+                SiftParams {
+                    contrast_threshold: 0.0,
+                    ..d()
+                },
+            ),
+            (
+                "contrast_threshold",
+                SiftParams {
+                    contrast_threshold: f32::NAN,
+                    ..d()
+                },
+            ),
+            (
+                "edge_ratio",
+                SiftParams {
+                    edge_ratio: 0.5,
+                    ..d()
+                },
+            ),
+            (
+                "base_sigma",
+                SiftParams {
+                    base_sigma: 1.0,
+                    ..d()
+                },
+            ),
+            (
+                "base_sigma",
+                SiftParams {
+                    base_sigma: f32::INFINITY,
+                    ..d()
+                },
+            ),
+            (
+                "camera_sigma",
+                SiftParams {
+                    camera_sigma: -0.1,
+                    ..d()
+                },
+            ),
+        ];
+        for (expected, params) in bad {
+            match params.check() {
+                Err(SiftError::ParameterOutOfRange { name, .. }) => assert_eq!(name, expected),
+                other => panic!("{expected}: {other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn an_octave_doubles_the_scale() {
+        let p = SiftParams::default();
+        assert!((p.level_sigma(3.0) - 2.0 * p.base_sigma).abs() < 1e-6);
+        assert_eq!(p.octave_step(0), 0.5);
+        assert_eq!(p.octave_step(3), 4.0);
+        assert_eq!(
+            SiftParams {
+                double_image: false,
+                ..p
+            }
+            .octave_step(1),
+            2.0
+        );
+    }
+}

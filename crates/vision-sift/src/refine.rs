@@ -1,0 +1,241 @@
+//! Sub-sample position of an extremum, contrast test and edge test (Lowe, section 4).
+//!
+//! Around a sample the difference of Gaussians is taken as a quadratic in `x = (x, y, level)`:
+//! ```text
+//! D(x) = D + g' x + x' H x / 2,     x^ = -H^-1 g  (solved, not inverted),     D(x^) = D + g' x^ / 2     (Lowe, eq. 2, 3)
+//! ```
+//! with `g` and `H` from central differences. When the offset `x^` is longer than
+//! [`MAX_REFINE_OFFSET`](crate::params) along an axis the sample moves there and the fit is repeated.
+//!
+//! Rejected: fits that do not settle, leave the octave or have a singular `H`; `|D(x^)|` below the contrast threshold;
+//! and edges, by the ratio of the principal curvatures of the 2x2 spatial Hessian, `tr^2 / det < (r + 1)^2 / r`
+//! (section 4.1; `det <= 0` is a saddle and rejected as well).
+
+use crate::extrema::Sample;
+use crate::image::Plane;
+use crate::params::{BORDER, MAX_REFINE_OFFSET, MAX_REFINE_STEPS};
+
+/// A refined extremum in the coordinates of its octave.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ScalePoint {
+    /// The sample the fit settled on; different candidates may settle on the same one.
+    pub(crate) sample: Sample,
+    /// Position in octave pixels.
+    pub(crate) x: f32,
+    /// Position in octave pixels.
+    pub(crate) y: f32,
+    /// Level within the octave, fractional.
+    pub(crate) level: f32,
+    /// `|D(x^)|`.
+    pub(crate) response: f32,
+}
+
+/// Refines one candidate; `None` when it is rejected.
+pub(crate) fn refine(
+    differences: &[Plane],
+    start: Sample,
+    min_contrast: f32,
+    edge_ratio: f32,
+) -> Option<ScalePoint> {
+    let (width, height) = (differences[0].width(), differences[0].height());
+    let mut sample = start;
+    for _ in 0..MAX_REFINE_STEPS {
+        let fit = Quadratic::at(differences, sample);
+        let offset = solve3(fit.hessian, fit.gradient.map(|g| -g))?;
+        if offset.iter().all(|o| o.abs() <= MAX_REFINE_OFFSET) {
+            let slope: f32 = (0..3).map(|i| fit.gradient[i] * offset[i]).sum();
+            let response = (fit.value + 0.5 * slope).abs();
+            let [[dxx, dxy, _], [_, dyy, _], _] = fit.hessian;
+            let (trace, det) = (dxx + dyy, dxx * dyy - dxy * dxy);
+            let edge = det <= 0.0 || trace * trace * edge_ratio >= (edge_ratio + 1.0).powi(2) * det;
+            return (response >= min_contrast && !edge).then_some(ScalePoint {
+                sample,
+                x: sample.x as f32 + offset[0],
+                y: sample.y as f32 + offset[1],
+                level: sample.level as f32 + offset[2],
+                response,
+            });
+        }
+        sample = Sample {
+            x: moved(sample.x, offset[0], BORDER, width - BORDER)?,
+            y: moved(sample.y, offset[1], BORDER, height - BORDER)?,
+            level: moved(sample.level, offset[2], 1, differences.len() - 1)?,
+        };
+    }
+    None
+}
+
+/// `from + round(offset)` if it lies in `low..high`; false for offsets that are not numbers.
+fn moved(from: usize, offset: f32, low: usize, high: usize) -> Option<usize> {
+    let to = from as f32 + offset.round();
+    (to >= low as f32 && to < high as f32).then_some(to as usize)
+}
+
+/// Value, gradient and Hessian of `D` in (x, y, level) by central differences.
+struct Quadratic {
+    value: f32,
+    gradient: [f32; 3],
+    hessian: [[f32; 3]; 3],
+}
+
+impl Quadratic {
+    fn at(differences: &[Plane], Sample { level, y, x }: Sample) -> Self {
+        let (below, here, above) = (
+            &differences[level - 1],
+            &differences[level],
+            &differences[level + 1],
+        );
+        let value = here.at(x, y);
+        let twice = 2.0 * value;
+        let gradient = [
+            0.5 * (here.at(x + 1, y) - here.at(x - 1, y)),
+            0.5 * (here.at(x, y + 1) - here.at(x, y - 1)),
+            0.5 * (above.at(x, y) - below.at(x, y)),
+        ];
+        let dxx = here.at(x + 1, y) + here.at(x - 1, y) - twice;
+        let dyy = here.at(x, y + 1) + here.at(x, y - 1) - twice;
+        let dss = above.at(x, y) + below.at(x, y) - twice;
+        let dxy = 0.25
+            * (here.at(x + 1, y + 1) - here.at(x - 1, y + 1) - here.at(x + 1, y - 1)
+                + here.at(x - 1, y - 1));
+        let dxs = 0.25
+            * (above.at(x + 1, y) - above.at(x - 1, y) - below.at(x + 1, y) + below.at(x - 1, y));
+        let dys = 0.25
+            * (above.at(x, y + 1) - above.at(x, y - 1) - below.at(x, y + 1) + below.at(x, y - 1));
+        Self {
+            value,
+            gradient,
+            hessian: [[dxx, dxy, dxs], [dxy, dyy, dys], [dxs, dys, dss]],
+        }
+    }
+}
+
+/// Solves `a x = b` by elimination with row pivoting; `None` when a pivot vanishes.
+fn solve3(mut a: [[f32; 3]; 3], mut b: [f32; 3]) -> Option<[f32; 3]> {
+    for k in 0..3 {
+        let pivot = (k..3).fold(k, |p, i| if a[i][k].abs() > a[p][k].abs() { i } else { p });
+        a.swap(k, pivot);
+        b.swap(k, pivot);
+        if a[k][k] == 0.0 {
+            return None;
+        }
+        for i in k + 1..3 {
+            let factor = a[i][k] / a[k][k];
+            for j in k..3 {
+                a[i][j] -= factor * a[k][j];
+            }
+            b[i] -= factor * b[k];
+        }
+    }
+    let mut x = [0.0; 3];
+    for k in (0..3).rev() {
+        let known: f32 = (k + 1..3).map(|j| a[k][j] * x[j]).sum();
+        x[k] = (b[k] - known) / a[k][k];
+    }
+    Some(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `D = peak - a (x - cx)^2 - b (y - cy)^2 - c (level - cl)^2 - d (x - cx)(y - cy)`.
+    fn paraboloid(peak: f32, [cx, cy, cl]: [f32; 3], [a, b, c, d]: [f32; 4]) -> Vec<Plane> {
+        (0..5_u8)
+            .map(|level| {
+                let mut plane = Plane::default();
+                plane.resize(30, 28);
+                for y in 0..28 {
+                    for x in 0..30 {
+                        let (u, v, w) = (x as f32 - cx, y as f32 - cy, f32::from(level) - cl);
+                        plane.row_mut(y)[x] = peak - a * u * u - b * v * v - c * w * w - d * u * v;
+                    }
+                }
+                plane
+            })
+            .collect()
+    }
+
+    const ROUND: [f32; 4] = [0.01, 0.012, 0.008, 0.004];
+
+    #[test]
+    fn the_top_of_a_quadratic_is_exact() {
+        let centre = [14.3, 12.8, 2.25];
+        for sign in [1.0, -1.0] {
+            let planes = paraboloid(sign * 0.2, centre, ROUND.map(|c| sign * c));
+            // From the nearest sample and from samples two away, which have to move.
+            for (x, y, level) in [(14, 13, 2), (16, 12, 2), (13, 15, 3), (15, 11, 1)] {
+                let point = refine(&planes, Sample { level, y, x }, 0.01, 10.0).unwrap();
+                let error = [
+                    point.x - centre[0],
+                    point.y - centre[1],
+                    point.level - centre[2],
+                ];
+                assert!(error.iter().all(|e| e.abs() < 1e-3), "{error:?}");
+                assert!((point.response - 0.2).abs() < 1e-5);
+                assert_eq!(
+                    point.sample,
+                    Sample {
+                        level: 2,
+                        y: 13,
+                        x: 14
+                    }
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_offset_up_to_six_tenths_stays() {
+        let start = Sample {
+            level: 2,
+            y: 13,
+            x: 14,
+        };
+        let settled = |cx: f32| {
+            refine(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND), start, 0.01, 10.0)
+                .unwrap()
+                .sample
+                .x
+        };
+        assert_eq!(
+            [settled(14.45), settled(14.58), settled(14.63)],
+            [14, 14, 15]
+        );
+    }
+
+    #[test]
+    fn faint_edge_saddle_flat_and_runaway_are_rejected() {
+        let start = Sample {
+            level: 2,
+            y: 13,
+            x: 14,
+        };
+        let centre = [14.2, 13.1, 2.0];
+        let with = |coefficients, contrast| {
+            refine(
+                &paraboloid(0.2, centre, coefficients),
+                start,
+                contrast,
+                10.0,
+            )
+        };
+        assert!(with(ROUND, 0.19).is_some());
+        assert!(with(ROUND, 0.21).is_none());
+        // Curvatures in the ratio 9 pass, in the ratio 11 do not: the limit is r = 10 itself.
+        assert!(with([0.045, 0.005, 0.008, 0.0], 0.01).is_some());
+        assert!(with([0.055, 0.005, 0.008, 0.0], 0.01).is_none());
+        assert!(with([0.01, -0.01, 0.008, 0.0], 0.01).is_none());
+        assert!(with([0.0; 4], 0.01).is_none());
+        assert!(refine(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND), start, 0.01, 10.0).is_none());
+        assert!(
+            refine(
+                &paraboloid(0.9, [14.0, 13.0, 3.9], ROUND),
+                start,
+                0.01,
+                10.0
+            )
+            .is_none()
+        );
+    }
+}
