@@ -1,0 +1,3 @@
+//! Workspace tasks as a library: scenes, fixtures, the gate.
+
+pub mod scene;

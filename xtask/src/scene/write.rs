@@ -1,0 +1,146 @@
+//! A scene on disk, in the sequence format of the workspace.
+//!
+//! `images/NNNNNN.png`, `times.txt`, `camera.toml`, `odometry.csv`,
+//! `groundtruth_planar.csv` (body), `groundtruth.txt` (TUM, camera-to-world with the first camera as
+//! world) and `scene.json`, from which [`Scene::read`] builds the same scene again.
+//! Each file is written under a temporary name and renamed.
+
+use super::camera::{CX, CY, FX, FY, HEIGHT, POSITION_IN_BODY, ROTATION_BODY_FROM_CAMERA, WIDTH};
+use super::trajectory::OdometryRow;
+use super::{Scene, SceneSpec};
+use anyhow::{Context, ensure};
+use image::{ExtendedColorType, ImageEncoder, codecs::png};
+use rayon::prelude::*;
+use serde_json::json;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+impl Scene {
+    /// Renders and writes the whole sequence into a folder, which is created.
+    ///
+    /// # Errors
+    /// The folder already holds images, or cannot be written.
+    pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
+        let images = folder.join("images");
+        ensure!(
+            !images.exists(),
+            "{} already holds a sequence: choose another folder or remove it",
+            folder.display()
+        );
+        fs::create_dir_all(&images).with_context(|| format!("cannot create {}", images.display()))?;
+        (0..self.spec.frames).into_par_iter().try_for_each(|frame| {
+            let file = images.join(format!("{frame:06}.png"));
+            write_file(&file, &encode_png(&self.render(frame))?)
+        })?;
+        for (name, text) in [
+            ("times.txt", self.times()),
+            ("camera.toml", camera_toml()),
+            ("odometry.csv", odometry_csv(&self.odometry)),
+            ("groundtruth_planar.csv", self.planar_truth()),
+            ("groundtruth.txt", self.camera_truth()),
+            ("scene.json", self.description()?),
+        ] {
+            write_file(&folder.join(name), text.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// Builds the scene a `scene.json` describes.
+    ///
+    /// # Errors
+    /// The file is missing, is not a scene description, or describes an impossible scene.
+    pub fn read(file: &Path) -> anyhow::Result<Self> {
+        let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let wrong = || format!("{} is not a scene description", file.display());
+        let value: serde_json::Value = serde_json::from_str(&text).with_context(wrong)?;
+        let spec: SceneSpec = serde_json::from_value(value["spec"].clone()).with_context(wrong)?;
+        Self::new(spec)
+    }
+
+    fn times(&self) -> String {
+        let mut text = String::new();
+        for time in &self.path.times_s {
+            let _ = writeln!(text, "{time:.6}");
+        }
+        text
+    }
+
+    fn planar_truth(&self) -> String {
+        let mut text = String::from("frame,t_s,x_m,y_m,phi_rad\n");
+        for (frame, (time, pose)) in self.path.times_s.iter().zip(&self.path.poses).enumerate() {
+            let _ = writeln!(text, "{frame},{time:.6},{:.9},{:.9},{:.9}", pose.x, pose.y, pose.phi);
+        }
+        text
+    }
+
+    fn camera_truth(&self) -> String {
+        let mut text = String::from("# timestamp tx ty tz qx qy qz qw, camera-to-world, world = first camera\n");
+        let first_camera_from_world = self.world_from_camera(0).inverse();
+        for (frame, time) in self.path.times_s.iter().enumerate() {
+            let pose = first_camera_from_world * self.world_from_camera(frame);
+            let (t, q) = (pose.translation.vector, pose.rotation);
+            let _ = writeln!(
+                text,
+                "{time:.6} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9} {:.9}",
+                t.x, t.y, t.z, q.i, q.j, q.k, q.w
+            );
+        }
+        text
+    }
+
+    /// Specification and geometry; rectangles as their two extreme corners and normal.
+    fn description(&self) -> anyhow::Result<String> {
+        let facets: Vec<_> = self
+            .world
+            .facets()
+            .iter()
+            .map(|f| json!([f.axis, f.normal_sign, f.offset, f.low, f.high]))
+            .collect();
+        let value = json!({
+            "spec": self.spec,
+            "facets": {
+                "columns": ["axis", "normal_sign", "offset_m", "low_m", "high_m"],
+                "note": "rectangles on x[axis] = offset_m in world axes; low_m and high_m along the two next axes in cyclic order",
+                "rows": facets,
+            },
+        });
+        Ok(serde_json::to_string(&value)? + "\n")
+    }
+}
+
+fn odometry_csv(rows: &[OdometryRow]) -> String {
+    let mut text = String::from("t_s,v_mps,omega_radps\n");
+    for row in rows {
+        let _ = writeln!(text, "{:.6},{:.9},{:.9}", row.t_s, row.v_mps, row.omega_radps);
+    }
+    text
+}
+
+fn camera_toml() -> String {
+    let [r0, r1, r2] = ROTATION_BODY_FROM_CAMERA;
+    format!(
+        "# pixel (0,0) is the centre of the top-left pixel\n\
+         width = {WIDTH}\nheight = {HEIGHT}\nmodel = \"pinhole\"\n\
+         fx = {FX:?}\nfy = {FY:?}\ncx = {CX:?}\ncy = {CY:?}\n\n\
+         [mount]   # pose of the camera in the robot body; body axes x forward, y left, z up\n\
+         position_in_body = {POSITION_IN_BODY:?}   # metres\n\
+         # columns: camera x (right), y (down), z (forward) in body axes; it looks to the left\n\
+         rotation_body_from_camera = [{r0:?}, {r1:?}, {r2:?}]\n"
+    )
+}
+
+fn encode_png(image: &image::GrayImage) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
+        .write_image(image.as_raw(), image.width(), image.height(), ExtendedColorType::L8)?;
+    Ok(bytes)
+}
+
+fn write_file(file: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let mut unfinished = file.as_os_str().to_owned();
+    unfinished.push(".part");
+    let failed = || format!("cannot write {}", file.display());
+    fs::write(&unfinished, bytes).with_context(failed)?;
+    fs::rename(&unfinished, file).with_context(failed)
+}
