@@ -1,3 +1,4 @@
 //! Monocular landmark SLAM for wheeled robots.
 
 pub mod record;
+pub mod sequence;
