@@ -1,0 +1,6 @@
+//! Reading sequences, writing results, judging them: one test program, so that helpers are shared.
+
+mod common;
+mod evaluating;
+mod output_writing;
+mod sequence_reading;
