@@ -3,4 +3,5 @@
 mod common;
 mod evaluating;
 mod output_writing;
+mod reporting;
 mod sequence_reading;

@@ -539,3 +539,113 @@ fn fingerprint(plot: &Plot) -> u64 {
     }
     hash
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(title: &str) -> Plot {
+        let mut plot = Plot::new(title, "x", "y");
+        plot.layers.push(Layer::line(
+            "way",
+            Colour::Blue,
+            vec![(0.0, 0.0), (4.0, 1.0), (2.0, 3.0)],
+        ));
+        plot
+    }
+
+    #[test]
+    fn equal_aspect_gives_both_axes_the_same_scale() {
+        for (x_range, y_range) in [
+            ((0.0, 4.0), (0.0, 3.0)),
+            ((0.0, 100.0), (0.0, 1.0)),
+            ((0.0, 1.0), (0.0, 100.0)),
+        ] {
+            let mut plot = square("map");
+            plot.equal_aspect = true;
+            plot.x_range = Some(x_range);
+            plot.y_range = Some(y_range);
+            let (frame, total) = layout(&plot, false);
+            let per_x = frame.width / (frame.x.1 - frame.x.0);
+            let per_y = frame.height / (frame.y.1 - frame.y.0);
+            assert!((per_x / per_y - 1.0).abs() < 1e-12, "{per_x} {per_y}");
+            assert!(
+                frame.x.0 <= x_range.0 && frame.x.1 >= x_range.1,
+                "{:?}",
+                frame.x
+            );
+            assert!(
+                frame.y.0 <= y_range.0 && frame.y.1 >= y_range.1,
+                "{:?}",
+                frame.y
+            );
+            assert!(total < plot.width);
+        }
+    }
+
+    #[test]
+    fn corners_of_the_range_are_corners_of_the_frame() {
+        let mut plot = square("corners");
+        plot.x_range = Some((-1.0, 3.0));
+        plot.y_range = Some((10.0, 20.0));
+        let (frame, _) = layout(&plot, false);
+        assert_eq!(
+            (frame.px(-1.0), frame.py(10.0)),
+            (frame.left, frame.bottom())
+        );
+        assert_eq!((frame.px(3.0), frame.py(20.0)), (frame.right(), frame.top));
+    }
+
+    #[test]
+    fn a_constant_and_an_empty_plot_have_a_range() {
+        let mut plot = Plot::new("constant", "x", "y");
+        assert!(svg(&plot, false).ends_with("</svg>"));
+        for value in [0.0, 1.0, -1e9, 1e300] {
+            plot.layers = vec![Layer::line(
+                "level",
+                Colour::Ink,
+                vec![(0.0, value), (1.0, value)],
+            )];
+            let text = svg(&plot, true);
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+        }
+    }
+
+    #[test]
+    fn points_that_are_not_finite_interrupt_the_line() {
+        let (frame, _) = layout(&square("gap"), false);
+        let path = polyline(
+            &[
+                (0.0, 0.0),
+                (1.0, f64::NAN),
+                (2.0, 1.0),
+                (f64::INFINITY, 1.0),
+                (3.0, 1.0),
+                (4.0, 2.0),
+            ],
+            &frame,
+        );
+        assert_eq!(
+            (path.matches('M').count(), path.matches('L').count()),
+            (3, 1)
+        );
+    }
+
+    #[test]
+    fn thinning_keeps_the_last_element() {
+        let items: Vec<usize> = (0..1001).collect();
+        let kept = strided(&items, 100);
+        assert!(kept.len() <= 102 && kept.last() == Some(&1000));
+        assert_eq!(strided(&items, 2000), items);
+        assert!(strided::<usize>(&[], 5).is_empty());
+    }
+
+    #[test]
+    fn a_file_of_its_own_has_title_and_legend() {
+        let text = svg(&square("A & B"), true);
+        assert!(text.contains(">A &amp; B</text>") && text.contains(">way</text>"));
+        let inside = svg(&square("A & B"), false);
+        assert!(!inside.contains(">way</text>"));
+        assert!(legend_html(&square("A & B")).contains("way</span>"));
+    }
+}
