@@ -1,9 +1,27 @@
-//! Monocular landmark SLAM for wheeled robots.
+//! Monocular landmark SLAM for wheeled robots: a sequence folder in, a metric
+//! trajectory, a landmark map, a covariance and a report page out.
+//!
+//! The shortest way is [`sequence::Sequence::open`], [`run::run_sequence`],
+//! [`output::write_run`]. Robots that hold images in memory feed
+//! [`slam::Slam::step`] frame by frame.
+//!
+//! Reading order: [`slam`] (the frame loop), [`filter`] (the estimator),
+//! [`frontend`] (keypoints to landmarks), then what surrounds them.
 
 pub mod config;
+pub mod evaluation;
 pub mod filter;
 pub mod frontend;
 pub mod odometry;
+pub mod output;
 pub mod record;
+pub mod report;
+pub mod run;
+pub mod sequence;
 pub mod slam;
 pub mod stopwatch;
+
+/// Compiles and runs the code of the README.
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+pub struct ReadmeDoctests;

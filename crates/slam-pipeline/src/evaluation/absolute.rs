@@ -1,0 +1,93 @@
+//! Absolute trajectory error: pose by pose after alignment.
+
+use super::{Alignment, EvaluationError, Similarity, Statistics, align_positions, associate};
+use crate::sequence::StampedPose;
+
+/// Error of one matched pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MatchedError {
+    /// Time of the estimate, seconds.
+    pub t_s: f64,
+    /// Distance between the positions, metres.
+    pub translation_m: f64,
+    /// Angle between the rotations, radians in [0, pi].
+    pub rotation_rad: f64,
+}
+
+/// Absolute trajectory error of an estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AbsoluteError {
+    /// Figures of the distances, metres.
+    pub translation_m: Statistics,
+    /// Figures of the angles, radians; for planar paths the heading.
+    pub rotation_rad: Statistics,
+    /// Errors of every matched pose in order of time; the last one is the final error.
+    pub matched: Vec<MatchedError>,
+    /// The alignment that was applied to the estimate.
+    pub applied: Similarity,
+}
+
+impl AbsoluteError {
+    /// Error at the last matched pose.
+    pub fn last(&self) -> MatchedError {
+        // There is at least one matched pose by construction.
+        self.matched[self.matched.len() - 1]
+    }
+}
+
+/// Compares `estimate` with `reference` after `alignment`.
+///
+/// # Errors
+/// [`EvaluationError`] when no poses match in time or the alignment is not determined.
+pub fn absolute_error(
+    estimate: &[StampedPose],
+    reference: &[StampedPose],
+    alignment: Alignment,
+) -> Result<AbsoluteError, EvaluationError> {
+    let pairs = associate(estimate, reference)?;
+    let applied = alignment_of(&pairs, alignment)?;
+    let matched: Vec<MatchedError> = pairs
+        .iter()
+        .map(|(estimate, reference)| {
+            let aligned = applied.apply(&estimate.world_from_frame);
+            let reference_pose = reference.world_from_frame;
+            MatchedError {
+                t_s: estimate.t_s,
+                translation_m: (aligned.translation.vector - reference_pose.translation.vector)
+                    .norm(),
+                rotation_rad: reference_pose.rotation.angle_to(&aligned.rotation),
+            }
+        })
+        .collect();
+    let figures = |value: fn(&MatchedError) -> f64| {
+        Statistics::of(&matched.iter().map(value).collect::<Vec<_>>())
+    };
+    let (Some(translation_m), Some(rotation_rad)) =
+        (figures(|e| e.translation_m), figures(|e| e.rotation_rad))
+    else {
+        return Err(super::associate::no_matches(estimate, reference));
+    };
+    Ok(AbsoluteError {
+        translation_m,
+        rotation_rad,
+        matched,
+        applied,
+    })
+}
+
+/// The alignment of matched pairs.
+pub(super) fn alignment_of(
+    pairs: &[(StampedPose, StampedPose)],
+    alignment: Alignment,
+) -> Result<Similarity, EvaluationError> {
+    let position = |pose: &StampedPose| pose.world_from_frame.translation.vector;
+    let estimates: Vec<_> = pairs
+        .iter()
+        .map(|(estimate, _)| position(estimate))
+        .collect();
+    let references: Vec<_> = pairs
+        .iter()
+        .map(|(_, reference)| position(reference))
+        .collect();
+    align_positions(&estimates, &references, alignment)
+}

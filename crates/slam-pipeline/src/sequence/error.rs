@@ -1,0 +1,47 @@
+//! What can be wrong with a sequence folder.
+
+use std::io;
+use std::path::PathBuf;
+
+/// A fault of a sequence folder or of a trajectory file: where, what was expected, what was found.
+#[derive(Debug, thiserror::Error)]
+pub enum SequenceError {
+    /// The operating system refused to read a file or folder.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A line of a text file is wrong.
+    #[error("{}, line {line}: expected {expected}, found {found}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from one.
+        line: u64,
+        /// What should be there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A file or folder as a whole is wrong.
+    #[error("{}: expected {expected}, found {found}", path.display())]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What should be there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A frame was asked for that the sequence does not have.
+    #[error("frame {index} was asked for, the sequence has {frames} frames")]
+    NoSuchFrame {
+        /// The index asked for.
+        index: usize,
+        /// Number of frames.
+        frames: usize,
+    },
+}
