@@ -16,6 +16,7 @@ use ukf::SigmaPoints;
 use vision_sift::Features;
 
 use crate::config::{Method, ValidConfig};
+use crate::filter::drift::{Drift, Support};
 use crate::filter::evolution::{Evolution, Operators};
 use crate::filter::landmark::{Landmark, Lens};
 use crate::filter::landmark_update::LandmarkUpdate;
@@ -23,7 +24,9 @@ use crate::filter::likelihood::Likelihood;
 use crate::filter::linearised::PosePosterior;
 use crate::filter::mapping::Mapping;
 use crate::filter::motion::{CarrierModel, Control, MotionPrior};
-use crate::filter::observation::{FrameObservation, Initialisation, Scoring};
+use crate::filter::observation::{
+    FrameObservation, Initialisation, MatchedFeature, Prepared, Scoring,
+};
 use crate::filter::particle::{MetricState, Particle};
 use crate::filter::pose::CameraPose;
 use crate::filter::proposal::{PoseProposal, ProposalKind};
@@ -108,6 +111,7 @@ pub struct Slam {
     filter: ParticleFilter<Particle>,
     catalogue: Catalogue,
     odometer: Odometer,
+    drift: Drift,
     frame: usize,
     keyframe: u32,
     matches_at_keyframe: usize,
@@ -241,6 +245,7 @@ impl Slam {
             },
             catalogue: Catalogue::new()?,
             odometer: Odometer::new(&config.odometry),
+            drift: Drift::default(),
             camera,
             config: config.clone(),
             filter,
@@ -305,7 +310,16 @@ impl Slam {
             laps_ms: [lap.lap_ms(), 0.0, 0.0, 0.0],
         };
         if keyframe {
-            self.filter_step(&frame, &association, control, &mut outcome, &mut lap, clock)?;
+            self.filter_step(
+                &frame,
+                &association,
+                &reference,
+                &prior,
+                control,
+                &mut outcome,
+                &mut lap,
+                clock,
+            )?;
         } else {
             let motion = relative_motion(&reference, &prior, &association.posterior);
             self.relative.push((self.keyframe - 1, motion));
@@ -351,6 +365,8 @@ impl Slam {
         &mut self,
         frame: &FrameFeatures<'_>,
         association: &Association,
+        reference: &Particle,
+        prior: &MotionPrior,
         control: Control,
         outcome: &mut FrameOutcome,
         lap: &mut Lap<'_>,
@@ -363,6 +379,7 @@ impl Slam {
             self.config.association.max_scored as usize,
             &self.association.image_size,
         );
+        let support = self.support(reference, prior, association, &matches);
         let initialised = self.ready_for_two_views(association);
         for m in &matches {
             let promoted = self.mapping.delayed.is_none()
@@ -417,7 +434,15 @@ impl Slam {
             self.keyframe
                 .saturating_sub(self.config.mapping.tentative_keyframes - 1),
         );
-        let (pose, covariance) = self.estimate();
+        let (pose, mut covariance) = self.estimate();
+        let drift = self.drift.push(
+            Vector2::new(pose.x, pose.y),
+            support.as_ref(),
+            &control.covariance,
+        );
+        if self.mapping.delayed.is_none() {
+            covariance += drift;
+        }
         outcome.pose = pose;
         outcome.covariance = covariance;
         self.last_outcome = (pose, covariance);
@@ -428,6 +453,30 @@ impl Slam {
         self.odometer.reset();
         outcome.laps_ms[3] += lap.lap_ms();
         Ok(())
+    }
+
+    /// What the pose of this keyframe leans on, in the reference particle.
+    fn support(
+        &self,
+        reference: &Particle,
+        prior: &MotionPrior,
+        association: &Association,
+        matches: &[MatchedFeature],
+    ) -> Option<Support> {
+        let anchored: Vec<(u32, Prepared)> = matches
+            .iter()
+            .filter_map(|m| {
+                let landmark = reference.map.get(m.id).or(m.prototype.as_ref())?;
+                Some((landmark.anchor()?, association.in_view.get(&m.id)?.measured(m)))
+            })
+            .collect();
+        Support::new(
+            &self.proposal.likelihood.lens,
+            &self.proposal.likelihood.body_from_camera,
+            prior,
+            &association.posterior,
+            &anchored,
+        )
     }
 
     /// Landmarks predicted in view but not found lose belief; returns those to remove.
@@ -674,7 +723,7 @@ fn fates(count: usize, association: &Association) -> Vec<(KeypointFate, Option<V
 /// Leaves at most `limit` matches scoring, well spread: one in turn from each
 /// cell of an 8 x 6 grid, those with closed depth first.
 fn spread_scoring(
-    matches: &mut [crate::filter::observation::MatchedFeature],
+    matches: &mut [MatchedFeature],
     limit: usize,
     image_size: &Vector2<f64>,
 ) {

@@ -213,7 +213,7 @@ impl Default for FeaturesSection {
     fn default() -> Self {
         Self {
             max_keypoints: 1000,
-            contrast_threshold: 0.03,
+            contrast_threshold: 0.04,
             edge_ratio: 10.0,
             sigma_px: 0.6,
         }

@@ -62,6 +62,16 @@ pub struct Predicted {
 }
 
 impl Predicted {
+    /// The landmark in the reference particle with the measurement of `feature`.
+    #[must_use]
+    pub fn measured(&self, feature: &MatchedFeature) -> Prepared {
+        Prepared {
+            pixel: feature.pixel,
+            scoring: feature.scoring,
+            ..self.prepared
+        }
+    }
+
     /// Angle between the rays of the first sighting and of `pixel`, radians, as
     /// far as the pose explains it: the rotation is taken out.
     #[must_use]
