@@ -1,5 +1,10 @@
 //! The program as its user sees it: what it prints and the code it ends with.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a helper that fails is a test that fails"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
