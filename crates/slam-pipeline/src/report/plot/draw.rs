@@ -216,7 +216,7 @@ fn range(plot: &Plot, pick: impl Fn((f64, f64)) -> f64) -> (f64, f64) {
     for layer in &plot.layers {
         match layer {
             Layer::Line { points, .. } | Layer::Dots { points, .. } => {
-                points.iter().copied().for_each(&mut cover)
+                points.iter().copied().for_each(&mut cover);
             }
             Layer::Band { points, .. } => {
                 for &(x, low, high) in points {
@@ -225,7 +225,7 @@ fn range(plot: &Plot, pick: impl Fn((f64, f64)) -> f64) -> (f64, f64) {
                 }
             }
             Layer::Ellipses { ellipses, .. } => {
-                ellipses.iter().for_each(|ellipse| cover(ellipse.centre))
+                ellipses.iter().for_each(|ellipse| cover(ellipse.centre));
             }
             Layer::Stack { points, .. } => {
                 for (x, values) in points {

@@ -232,7 +232,7 @@ pub fn escape(text: &str) -> String {
             '\'' => escaped.push_str("&#39;"),
             // Control characters have no place in either; tabs and ends of lines do.
             letter if letter.is_control() && !matches!(letter, '\n' | '\t') => {
-                escaped.push('\u{fffd}')
+                escaped.push('\u{fffd}');
             }
             letter => escaped.push(letter),
         }
