@@ -4,7 +4,7 @@
 //! a letter is a random walk of strokes over a 3x4 grid of nodes, and noise is keyed by a
 //! seed of its own at each use.
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, TEXEL_M};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -99,8 +99,12 @@ pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2]
     }
 }
 
-/// Lines of letters that fill a rectangle, with gaps between words.
+/// Lines of letters that fill a rectangle, with gaps between words; nothing when a
+/// letter would be under a texel.
 pub(super) fn text(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], height: f64, tone: f64) {
+    if height < TEXEL_M {
+        return;
+    }
     let mut y = y0;
     while y + height <= y1 {
         let mut x = x0;

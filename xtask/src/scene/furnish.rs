@@ -91,11 +91,9 @@ impl Furniture {
         let (mut s, mut last) = (0.0, usize::MAX);
         while s < wall.length {
             let corner = s < clear || s > wall.length - clear - 0.5;
-            let mut width = if corner { clear } else { between(rng, 0.75, 1.25) };
-            if wall.length - s - width < 0.3 {
-                width = wall.length - s;
-            }
-            let end = s + width;
+            let width = if corner { clear } else { between(rng, 0.75, 1.25) };
+            // The last stretch ends exactly at the wall's end.
+            let end = if wall.length - s - width < 0.3 { wall.length } else { s + width };
             let material = [Material::Plaster, Material::Brick, Material::Tile, Material::Boards][pick(rng, 4)];
             plan.stretches.push((s, end, material));
             let mut kind = if corner { 5 } else { pick(rng, 6) };

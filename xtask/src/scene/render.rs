@@ -20,8 +20,8 @@ const RAYS: usize = 4;
 const BLUR_SIGMA_PX: f64 = 0.55;
 /// Loss of light at the image corner.
 const VIGNETTING: f64 = 0.28;
-/// Grey level of white paper in full light at exposure 1.
-const WHITE_LEVEL: f32 = 1.06;
+/// Gain from painted tone to grey level at exposure 1.
+const WHITE_LEVEL: f32 = 1.2;
 /// Read noise's share of the variance at mid grey.
 const READ_SHARE: f32 = 1.0 / 3.0;
 

@@ -87,7 +87,7 @@ fn wood(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
     let noise = Noise::new(rng);
     canvas.paint(full(canvas), |x, y, _| {
         let bend = noise.octaves(x * 2.0, y * 6.0, 2, 0.5);
-        Some(tone + 0.1 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
+        Some(tone + 0.07 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
     });
     for _ in 0..(canvas.width_m * canvas.height_m * 6.0).ceil() as usize {
         let (x, y) = (between(rng, 0.0, canvas.width_m), between(rng, 0.0, canvas.height_m));
@@ -206,6 +206,9 @@ fn leaf(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
 /// A small note somewhere in a rectangle.
 fn stick_on(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4]) {
     let (w, h) = (x1 - x0, y1 - y0);
+    if w.min(h) < 0.03 {
+        return;
+    }
     let note = Skin::Sheet.canvas(between(rng, 0.25, 0.6) * w, between(rng, 0.25, 0.6) * h, rng);
     let x = between(rng, x0, x1 - note.width_m);
     let y = between(rng, y0, y1 - note.height_m);
