@@ -80,7 +80,14 @@ impl Noise {
 }
 
 /// A made-up letter in the box with corner (x, y), width `w`, height `h`.
-pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2], w: f64, h: f64, tone: f64) {
+pub(super) fn letter(
+    canvas: &mut Canvas,
+    rng: &mut ChaCha8Rng,
+    [x, y]: [f64; 2],
+    w: f64,
+    h: f64,
+    tone: f64,
+) {
     let thickness = h * between(rng, 0.12, 0.2);
     let node = |index: usize| {
         [
@@ -92,7 +99,11 @@ pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2]
     for _ in 0..3 + pick(rng, 3) {
         let next = pick(rng, 12);
         canvas.stroke(node(at), node(next), thickness, tone);
-        at = if chance(rng, 0.25) { pick(rng, 12) } else { next };
+        at = if chance(rng, 0.25) {
+            pick(rng, 12)
+        } else {
+            next
+        };
     }
     if chance(rng, 0.2) {
         canvas.ring(x + w / 2.0, y + h / 2.0, w * 0.28, w * 0.45, tone);
@@ -101,7 +112,13 @@ pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2]
 
 /// Lines of letters that fill a rectangle, with gaps between words; nothing when a
 /// letter would be under a texel.
-pub(super) fn text(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], height: f64, tone: f64) {
+pub(super) fn text(
+    canvas: &mut Canvas,
+    rng: &mut ChaCha8Rng,
+    [x0, y0, x1, y1]: [f64; 4],
+    height: f64,
+    tone: f64,
+) {
     if height < TEXEL_M {
         return;
     }
