@@ -5,6 +5,7 @@ use std::io::{self, Write as _};
 
 use slam_pipeline::evaluation::EvaluationError;
 use slam_pipeline::output::OutputError;
+use slam_pipeline::run::RunError;
 use slam_pipeline::sequence::SequenceError;
 
 /// A failed command.
@@ -47,6 +48,17 @@ impl fmt::Display for Failure {
 impl From<SequenceError> for Failure {
     fn from(error: SequenceError) -> Self {
         Failure::input(error.to_string())
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Sequence(_) | RunError::Camera(_) | RunError::Features(_) => {
+                Failure::input(error.to_string())
+            }
+            RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{eval, report};
+use commands::{config, eval, features, match_images, report, run};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -24,14 +24,26 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Run SLAM on a sequence folder
+    Run(run::Arguments),
     /// Compare a trajectory with a reference: absolute and relative error
     Eval(eval::Arguments),
     /// Draw report.html of a finished run again from its other files
     Report(report::Arguments),
+    /// Detect SIFT features and write them as CSV
+    Features(features::Arguments),
+    /// Match two images
+    Match(match_images::Arguments),
+    /// Print the default configuration with every key explained
+    Config,
 }
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Features(arguments) => features::run(&arguments),
+        Command::Match(arguments) => match_images::run(&arguments),
+        Command::Config => config::run(),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
     };

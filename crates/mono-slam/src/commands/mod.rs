@@ -1,7 +1,11 @@
 //! One file a command: its arguments and what it does.
 
+pub(crate) mod config;
 pub(crate) mod eval;
+pub(crate) mod features;
+pub(crate) mod match_images;
 pub(crate) mod report;
+pub(crate) mod run;
 
 use crate::failure::Failure;
 
