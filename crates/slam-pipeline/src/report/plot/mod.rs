@@ -17,6 +17,7 @@
 mod axis;
 mod colour;
 mod draw;
+mod legend;
 mod thinning;
 
 pub use axis::{nice_ticks, tick_label};
@@ -216,7 +217,7 @@ impl Plot {
 
     /// The legend as HTML: one `<span>` an entry.
     pub fn legend_html(&self) -> String {
-        draw::legend_html(self)
+        legend::legend_html(self)
     }
 }
 
