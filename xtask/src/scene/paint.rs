@@ -45,10 +45,10 @@ impl WallPlan {
 
     /// Hangs sheets in the free places of a stretch, large ones first.
     pub(super) fn hang_sheets(&mut self, [s0, s1]: [f64; 2], height: f64, rng: &mut ChaCha8Rng) {
-        for attempt in 0..70_u32 {
+        for attempt in 0..40_u32 {
             let largest = match attempt {
                 0..10 => 0.75,
-                10..30 => 0.42,
+                10..25 => 0.42,
                 _ => 0.2,
             };
             let w = between(rng, 0.35 * largest, largest);
@@ -128,7 +128,7 @@ impl WallPlan {
                     let outside_x = (x0 - x).max(x - x1).max(0.0);
                     let outside_y = (y0 - y).max(y - y1).max(0.0);
                     let away = outside_x.hypot(outside_y) / reach;
-                    (away < 1.0).then(|| old * (1.0 - 0.35 * (1.0 - away)))
+                    (away < 1.0).then_some(old * (1.0 - 0.35 * (1.0 - away)))
                 },
             );
         }

@@ -17,11 +17,11 @@ use std::f64::consts::TAU;
 /// Rays along each edge of a pixel.
 const RAYS: usize = 4;
 /// Standard deviation of the lens blur, pixels.
-const BLUR_SIGMA_PX: f64 = 0.55;
+const BLUR_SIGMA_PX: f64 = 0.75;
 /// Loss of light at the image corner.
 const VIGNETTING: f64 = 0.28;
 /// Gain from painted tone to grey level at exposure 1.
-const WHITE_LEVEL: f32 = 1.2;
+const WHITE_LEVEL: f32 = 1.1;
 /// Read noise's share of the variance at mid grey.
 const READ_SHARE: f32 = 1.0 / 3.0;
 
