@@ -6,10 +6,10 @@
 
 use super::canvas::{Canvas, Skin8};
 use super::draw::{Noise, between, chance, pick};
-use super::furnish::Furniture;
 use super::geometry::World;
 use super::texture::{Material, Skin};
 use super::{Purpose, stream};
+use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -136,14 +136,28 @@ impl WallPlan {
     }
 }
 
+/// The finished skins of a scene, one a facet: what only images need.
+#[derive(Debug, Clone)]
+pub struct Skins {
+    finished: Vec<Skin8>,
+}
+
+impl Skins {
+    /// Brightness (0..255) of a facet at a point on it.
+    pub(super) fn brightness(&self, world: &World, facet: usize, point: &Point3<f64>) -> f32 {
+        let (x, y) = world.facets[facet].skin_position(point);
+        self.finished[facet].sample(x, y)
+    }
+}
+
 /// Paints every rectangle. Parallel over rectangles; rectangle k uses stream k only, so
 /// the number of threads changes nothing.
-pub(super) fn paint_world(furniture: Furniture, seed: u64) -> World {
-    let Furniture { facets, paints } = furniture;
+pub(super) fn paint_world(world: &World, seed: u64) -> Skins {
+    let World { facets, paints } = world;
     let light = Noise::new(&mut stream(seed, Purpose::Light, 0));
-    let skins: Vec<Skin8> = facets
+    let finished = facets
         .par_iter()
-        .zip(&paints)
+        .zip(paints)
         .enumerate()
         .map(|(index, (facet, paint))| {
             let mut rng = stream(seed, Purpose::Skin, index as u64);
@@ -160,5 +174,5 @@ pub(super) fn paint_world(furniture: Furniture, seed: u64) -> World {
             canvas.finish()
         })
         .collect();
-    World { facets, skins }
+    Skins { finished }
 }
