@@ -35,7 +35,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(write_file(&arguments.out, table.as_bytes())?);
     }
     std::fs::create_dir_all(&arguments.out).map_err(|e| {
-        Failure::input(format!("{}: expected a folder, {e}", arguments.out.display()))
+        Failure::input(format!(
+            "{}: expected a folder, {e}",
+            arguments.out.display()
+        ))
     })?;
     for (path, table) in arguments.images.iter().zip(tables) {
         let stem = path.file_stem().unwrap_or(path.as_os_str());
@@ -53,7 +56,12 @@ pub(crate) fn detect(path: &Path) -> Result<(image::GrayImage, Features), Failur
         .with_guessed_format()
         .map_err(|e| Failure::input(format!("{}: expected an image, {e}", path.display())))?
         .decode()
-        .map_err(|e| Failure::input(format!("{}: expected a PNG or JPEG image, {e}", path.display())))?
+        .map_err(|e| {
+            Failure::input(format!(
+                "{}: expected a PNG or JPEG image, {e}",
+                path.display()
+            ))
+        })?
         .into_luma8();
     let config = Config::default()
         .check()

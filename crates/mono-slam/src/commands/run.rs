@@ -92,7 +92,10 @@ fn configuration(arguments: &Arguments) -> Result<ValidConfig, Failure> {
         None => Config::default(),
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(|e| {
-                Failure::input(format!("{}: expected a configuration file, {e}", path.display()))
+                Failure::input(format!(
+                    "{}: expected a configuration file, {e}",
+                    path.display()
+                ))
             })?;
             Config::from_toml_str(&text)
                 .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
@@ -150,7 +153,10 @@ fn tell(line: &str) {
 enum Reporter {
     Quiet,
     Bar(ProgressBar),
-    Lines { started: Instant, last: Mutex<Instant> },
+    Lines {
+        started: Instant,
+        last: Mutex<Instant>,
+    },
 }
 
 impl Reporter {
@@ -166,9 +172,9 @@ impl Reporter {
             };
         }
         let bar = ProgressBar::new(frames as u64);
-        if let Ok(style) = ProgressStyle::with_template(
-            "{bar:32} frame {pos}/{len}  {per_sec}  {eta} left  {msg}",
-        ) {
+        if let Ok(style) =
+            ProgressStyle::with_template("{bar:32} frame {pos}/{len}  {per_sec}  {eta} left  {msg}")
+        {
             bar.set_style(style);
         }
         Self::Bar(bar)

@@ -373,7 +373,10 @@ mod tests {
     fn unknown_key_is_named_with_its_line() {
         let error = Config::from_toml_str("[filter]\nparticels = 3\n").unwrap_err();
         let text = error.to_string();
-        assert!(text.contains("line 2") && text.contains("particels"), "{text}");
+        assert!(
+            text.contains("line 2") && text.contains("particels"),
+            "{text}"
+        );
     }
 
     #[test]

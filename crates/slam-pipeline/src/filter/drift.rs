@@ -16,7 +16,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::landmark::Lens;
 use super::linearised::{PoseLinearisation, PosePosterior};
@@ -40,13 +40,15 @@ pub struct Support {
 }
 
 impl Support {
-    /// The support of `posterior`; `matches` with the anchor keyframe of each.
+    /// The support of `posterior`; `matches` with the anchor keyframe of each;
+    /// `scale` metres per unit of the particle.
     #[must_use]
     pub fn new(
         lens: &Lens,
         body_from_camera: &Matrix3<f64>,
         prior: &MotionPrior,
         posterior: &PosePosterior,
+        scale: f64,
         matches: &[(u32, Prepared)],
     ) -> Option<Self> {
         let linearisation = PoseLinearisation::new(prior, posterior, body_from_camera);
@@ -55,9 +57,7 @@ impl Support {
             let Some(line) = linearisation.linearise(lens, prepared) else {
                 continue;
             };
-            let sum = information
-                .entry(*anchor)
-                .or_insert_with(PoseMatrix::zeros);
+            let sum = information.entry(*anchor).or_insert_with(PoseMatrix::zeros);
             match prepared.scoring {
                 Scoring::Full => {
                     if let Some(c) = line.noise.cholesky() {
@@ -75,13 +75,18 @@ impl Support {
         // x = F xi', Lambda^-1 = F F^T: Lambda^-1 Lambda_a = F M_a F^-1.
         let factor = prior.factor * posterior.factor;
         let inverse = factor.solve_lower_triangular(&PoseMatrix::identity())?;
+        let metric = Matrix3::from_diagonal(&Vector3::new(scale, scale, 1.0));
+        let unit = Matrix3::from_diagonal(&Vector3::new(1.0 / scale, 1.0 / scale, 1.0));
         let gains = information
             .into_iter()
-            .map(|(a, m)| (a, planar(&(factor * m * inverse))))
+            .map(|(a, m)| {
+                let gain = planar(&(factor * m * inverse));
+                (a, metric * gain * unit)
+            })
             .collect();
         Some(Self {
             gains,
-            covariance: planar(&(factor * factor.transpose())),
+            covariance: metric * planar(&(factor * factor.transpose())) * metric,
         })
     }
 }
@@ -132,7 +137,10 @@ impl Drift {
             } else {
                 fresh = *odometry;
             }
-            gains.push((count - 1, rest * transport(&self.positions[count - 1], &position)));
+            gains.push((
+                count - 1,
+                rest * transport(&self.positions[count - 1], &position),
+            ));
         }
         let mut row: VecDeque<Matrix3<f64>> = (0..count)
             .map(|b| {
@@ -185,7 +193,7 @@ mod tests {
     #[test]
     fn pure_odometry_is_a_random_walk_with_its_lever() {
         let mut drift = Drift::default();
-        let noise = Matrix3::from_diagonal(&nalgebra::Vector3::new(0.0, 0.0, 1e-4));
+        let noise = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-4));
         drift.push(Vector2::zeros(), None, &noise);
         drift.push(Vector2::new(1.0, 0.0), None, &noise);
         let c = drift.push(Vector2::new(3.0, 0.0), None, &noise);
@@ -203,7 +211,10 @@ mod tests {
         for _ in 0..50 {
             last = drift.push(Vector2::zeros(), Some(&support(0, 1.0, 0.01)), &none);
         }
-        assert!((last[(0, 0)] - 2e-4).abs() < 1e-15, "no accumulation: {last}");
+        assert!(
+            (last[(0, 0)] - 2e-4).abs() < 1e-15,
+            "no accumulation: {last}"
+        );
         // The same leaning on the previous keyframe accumulates.
         let mut drift = Drift::default();
         drift.push(Vector2::zeros(), None, &none);

@@ -158,7 +158,8 @@ impl Lens {
             -self.focal.y * q.y * iz * iz,
         );
         let q_from_parameters = if geometry.inverse_depth {
-            let camera_from_anchor = camera.camera_from_world * geometry.anchor_from_world.transpose();
+            let camera_from_anchor =
+                camera.camera_from_world * geometry.anchor_from_world.transpose();
             let baseline = camera.camera_from_world * (geometry.anchor_centre - camera.centre);
             Matrix3::from_columns(&[
                 camera_from_anchor.column(0).into_owned(),

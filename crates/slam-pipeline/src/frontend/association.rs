@@ -20,12 +20,12 @@ use rayon::prelude::*;
 use super::catalogue::{Catalogue, Stage};
 use super::frame::FrameFeatures;
 use crate::filter::landmark::{Landmark, Lens};
-use crate::filter::pose::PlacedCamera;
 use crate::filter::likelihood::{Likelihood, mahalanobis_2d};
 use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::filter::particle::Particle;
+use crate::filter::pose::PlacedCamera;
 
 /// Settings of the association.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +80,11 @@ impl Predicted {
         let seen = camera
             .camera_from_world
             .tr_mul(&Vector3::new(n.x, n.y, 1.0));
-        self.prepared.geometry.ray(&self.prepared.mean).base.angle(&seen)
+        self.prepared
+            .geometry
+            .ray(&self.prepared.mean)
+            .base
+            .angle(&seen)
     }
 }
 
@@ -205,9 +209,25 @@ fn match_descriptors(
 ) -> BTreeMap<u32, usize> {
     let mut pairs = BTreeMap::new();
     let mut used = vec![false; frame.ideal.len()];
-    guided(frame, catalogue, in_view, params, NARROW_GATE_PX, &mut pairs, &mut used);
+    guided(
+        frame,
+        catalogue,
+        in_view,
+        params,
+        NARROW_GATE_PX,
+        &mut pairs,
+        &mut used,
+    );
     by_index(frame, catalogue, in_view, params, &mut pairs, &mut used);
-    guided(frame, catalogue, in_view, params, f64::INFINITY, &mut pairs, &mut used);
+    guided(
+        frame,
+        catalogue,
+        in_view,
+        params,
+        f64::INFINITY,
+        &mut pairs,
+        &mut used,
+    );
     pairs
 }
 
@@ -240,8 +260,7 @@ fn by_index(
             });
             let predicted = &in_view[&first.id];
             (distinct
-                && mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance)
-                    <= params.gate)
+                && mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) <= params.gate)
                 .then_some((first.id, first.distance_squared))
         })
         .collect();
@@ -289,7 +308,9 @@ fn guided(
             let mut first = (u32::MAX, usize::MAX);
             let mut second = u32::MAX;
             for k in frame.near(&predicted.pixel, radius) {
-                let Some(pixel) = frame.ideal[k] else { continue };
+                let Some(pixel) = frame.ideal[k] else {
+                    continue;
+                };
                 if mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) > params.gate {
                     continue;
                 }
@@ -372,8 +393,7 @@ fn consensus(
             &used,
             params.iterations,
         );
-        let linearisation =
-            PoseLinearisation::new(prior, &posterior, &likelihood.body_from_camera);
+        let linearisation = PoseLinearisation::new(prior, &posterior, &likelihood.body_from_camera);
         for ((_, prepared), keep) in candidates.iter().zip(&mut keep) {
             *keep = linearisation
                 .linearise(&likelihood.lens, prepared)
@@ -410,8 +430,7 @@ fn scoring(
     let Some(sigma_rho) = prepared.open_sigma(params.open_depth) else {
         return Scoring::Full;
     };
-    let camera =
-        PlacedCamera::new(&prior.mean, &likelihood.body_from_camera);
+    let camera = PlacedCamera::new(&prior.mean, &likelihood.body_from_camera);
     match likelihood
         .lens
         .parameter_jacobian(&camera, &prepared.geometry, &prepared.mean)

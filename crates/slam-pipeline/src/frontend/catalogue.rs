@@ -7,7 +7,9 @@
 
 use std::collections::BTreeMap;
 
-use feature_kdtree::{distance_squared, Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams};
+use feature_kdtree::{
+    Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams, distance_squared,
+};
 use nalgebra::{Vector2, Vector3};
 
 use crate::filter::landmark::Landmark;
