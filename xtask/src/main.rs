@@ -1,21 +1,43 @@
-//! Workspace tasks.
-use std::path::Path;
-fn main() -> anyhow::Result<()> {
-    let a: Vec<String> = std::env::args().collect();
-    let s = if a[1] == "room" { xtask::scene::SceneSpec::room(a[3].parse()?) } else { xtask::scene::SceneSpec::wall(a[3].parse()?) };
-    let t = std::time::Instant::now();
-    let sc = xtask::scene::Scene::new(s)?;
-    println!("{:?}", t.elapsed());
-    sc.write(Path::new(&a[2]))?;
-    if a.len() > 4 {
-        // dump depth maps: f32 per frame
-        let mut out = Vec::new();
-        for f in 0..sc.spec().frames { for v in 0..240 { for u in 0..320 {
-            let d = sc.depth_at(f, u as f64, v as f64).unwrap_or(0.0) as f32;
-            out.extend(d.to_le_bytes());
-        } } }
-        std::fs::write(&a[4], out)?;
+//! `cargo xtask`: exit code 0 done, 2 wrong arguments, 1 anything else.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a terminal program"
+)]
+
+use std::process::ExitCode;
+use xtask::flags::{self, Command};
+use xtask::{ci, fixtures, scene::Scene, tidy, workspace_root};
+
+fn main() -> ExitCode {
+    let command = match flags::parse(std::env::args_os().skip(1)) {
+        Ok(command) => command,
+        Err(error) => {
+            eprintln!("xtask: {error} (cargo xtask --help)");
+            return ExitCode::from(2);
+        }
+    };
+    match run(command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error:#}");
+            ExitCode::FAILURE
+        }
     }
-    println!("{:?}", t.elapsed());
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Help => print!("{}", flags::HELP),
+        Command::Scene { out, spec } => {
+            Scene::new(spec)?.write(&out)?;
+            println!("{}", out.display());
+        }
+        Command::Fixtures { check: true } => fixtures::check(&workspace_root())?,
+        Command::Fixtures { check: false } => fixtures::write(&workspace_root())?,
+        Command::Tidy => tidy::run(&workspace_root())?,
+        Command::Ci => ci::run(&workspace_root())?,
+    }
     Ok(())
 }

@@ -72,7 +72,11 @@ mod tests {
     #[test]
     fn a_known_point_lands_where_table_one_says() {
         // 2 m to the left of the camera, 0.5 m ahead of it and 0.25 m above it.
-        let body = PlanarPose { x: 0.0, y: 0.0, phi: 0.0 };
+        let body = PlanarPose {
+            x: 0.0,
+            y: 0.0,
+            phi: 0.0,
+        };
         let [x, y, z] = POSITION_IN_BODY;
         let point = Point3::new(x + 0.5, y + 2.0, z + 0.25);
         let [u, v] = project(&(world_from_camera(&body).inverse() * point)).unwrap();
@@ -82,7 +86,11 @@ mod tests {
 
     #[test]
     fn camera_looks_left_whatever_the_heading() {
-        let body = PlanarPose { x: 3.0, y: -1.0, phi: 0.7 };
+        let body = PlanarPose {
+            x: 3.0,
+            y: -1.0,
+            phi: 0.7,
+        };
         let forward = world_from_camera(&body) * Vector3::z();
         let left = Vector3::new(-(0.7_f64.sin()), 0.7_f64.cos(), 0.0);
         assert!((forward - left).norm() < 1e-12);

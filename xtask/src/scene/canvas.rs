@@ -77,13 +77,10 @@ impl Canvas {
     }
 
     pub(super) fn ring(&mut self, x: f64, y: f64, inner: f64, outer: f64, tone: f64) {
-        self.paint(
-            [x - outer, y - outer, x + outer, y + outer],
-            |px, py, _| {
-                let d2 = (px - x).powi(2) + (py - y).powi(2);
-                (d2 <= outer * outer && d2 >= inner * inner).then_some(tone)
-            },
-        );
+        self.paint([x - outer, y - outer, x + outer, y + outer], |px, py, _| {
+            let d2 = (px - x).powi(2) + (py - y).powi(2);
+            (d2 <= outer * outer && d2 >= inner * inner).then_some(tone)
+        });
     }
 
     /// A straight stroke with round ends.
@@ -123,8 +120,7 @@ impl Canvas {
             let mut inside = false;
             for (i, a) in corners.iter().enumerate() {
                 let b = corners[(i + 1) % corners.len()];
-                if (a[1] > y) != (b[1] > y)
-                    && x < (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]) + a[0]
+                if (a[1] > y) != (b[1] > y) && x < (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]) + a[0]
                 {
                     inside = !inside;
                 }
@@ -221,7 +217,10 @@ mod tests {
         let painted = canvas.tones.iter().filter(|tone| **tone > 0.5).count() as f64;
         let area = painted * TEXEL_M * TEXEL_M;
         let exact = std::f64::consts::PI * 0.15 * 0.15;
-        assert!((area - exact).abs() < 0.01 * exact, "{area} against {exact}");
+        assert!(
+            (area - exact).abs() < 0.01 * exact,
+            "{area} against {exact}"
+        );
     }
 
     #[test]

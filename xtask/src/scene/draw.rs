@@ -4,7 +4,7 @@
 //! a letter is a random walk of strokes over a 3x4 grid of nodes, and noise is keyed by a
 //! seed of its own at each use.
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, TEXEL_M};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -80,7 +80,14 @@ impl Noise {
 }
 
 /// A made-up letter in the box with corner (x, y), width `w`, height `h`.
-pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2], w: f64, h: f64, tone: f64) {
+pub(super) fn letter(
+    canvas: &mut Canvas,
+    rng: &mut ChaCha8Rng,
+    [x, y]: [f64; 2],
+    w: f64,
+    h: f64,
+    tone: f64,
+) {
     let thickness = h * between(rng, 0.12, 0.2);
     let node = |index: usize| {
         [
@@ -92,15 +99,29 @@ pub(super) fn letter(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x, y]: [f64; 2]
     for _ in 0..3 + pick(rng, 3) {
         let next = pick(rng, 12);
         canvas.stroke(node(at), node(next), thickness, tone);
-        at = if chance(rng, 0.25) { pick(rng, 12) } else { next };
+        at = if chance(rng, 0.25) {
+            pick(rng, 12)
+        } else {
+            next
+        };
     }
     if chance(rng, 0.2) {
         canvas.ring(x + w / 2.0, y + h / 2.0, w * 0.28, w * 0.45, tone);
     }
 }
 
-/// Lines of letters that fill a rectangle, with gaps between words.
-pub(super) fn text(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], height: f64, tone: f64) {
+/// Lines of letters that fill a rectangle, with gaps between words; nothing when a
+/// letter would be under a texel.
+pub(super) fn text(
+    canvas: &mut Canvas,
+    rng: &mut ChaCha8Rng,
+    [x0, y0, x1, y1]: [f64; 4],
+    height: f64,
+    tone: f64,
+) {
+    if height < TEXEL_M {
+        return;
+    }
     let mut y = y0;
     while y + height <= y1 {
         let mut x = x0;

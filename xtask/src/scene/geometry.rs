@@ -65,7 +65,11 @@ impl Facet {
     pub(super) fn size(&self) -> (f64, f64) {
         let spans = [self.high[0] - self.low[0], self.high[1] - self.low[1]];
         // Axis x: (y, z); axis y: (z, x); axis z: (x, y).
-        if self.axis == 1 { (spans[1], spans[0]) } else { (spans[0], spans[1]) }
+        if self.axis == 1 {
+            (spans[1], spans[0])
+        } else {
+            (spans[0], spans[1])
+        }
     }
 
     /// Position on the skin: metres from the top-left corner as the viewer sees it.
@@ -105,7 +109,8 @@ impl Facet {
         let (a, b) = self.axes();
         let pa = origin[a] + distance * direction[a];
         let pb = origin[b] + distance * direction[b];
-        let inside = pa >= self.low[0] && pa <= self.high[0] && pb >= self.low[1] && pb <= self.high[1];
+        let inside =
+            pa >= self.low[0] && pa <= self.high[0] && pb >= self.low[1] && pb <= self.high[1];
         inside.then_some(distance)
     }
 
@@ -139,7 +144,12 @@ impl World {
         origin: &Point3<f64>,
         direction: &Vector3<f64>,
     ) -> Option<Hit> {
-        nearest(&self.facets, candidates.iter().map(|&k| k as usize), origin, direction)
+        nearest(
+            &self.facets,
+            candidates.iter().map(|&k| k as usize),
+            origin,
+            direction,
+        )
     }
 
     /// Brightness (0..255) of a facet at a point on it.
@@ -234,10 +244,19 @@ mod tests {
 
     #[test]
     fn a_facet_is_seen_from_its_own_side_only() {
-        let facet = Facet { axis: 1, normal_sign: -1.0, offset: 2.0, low: [0.0, -1.0], high: [1.0, 1.0] };
+        let facet = Facet {
+            axis: 1,
+            normal_sign: -1.0,
+            offset: 2.0,
+            low: [0.0, -1.0],
+            high: [1.0, 1.0],
+        };
         let eye = Point3::new(0.0, 0.0, 0.5);
         assert_eq!(facet.meet(&eye, &Vector3::y()), Some(2.0));
-        assert_eq!(facet.meet(&Point3::new(0.0, 4.0, 0.5), &-Vector3::y()), None);
+        assert_eq!(
+            facet.meet(&Point3::new(0.0, 4.0, 0.5), &-Vector3::y()),
+            None
+        );
         assert_eq!(facet.meet(&eye, &Vector3::new(1.0, 1.0, 0.0)), None);
     }
 
@@ -245,7 +264,13 @@ mod tests {
     fn skins_read_left_to_right_from_every_side() {
         // For each upright facet, a step to the viewer's right must raise the skin's x.
         for (axis, normal_sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
-            let facet = Facet { axis, normal_sign, offset: 0.0, low: [-1.0; 2], high: [1.0; 2] };
+            let facet = Facet {
+                axis,
+                normal_sign,
+                offset: 0.0,
+                low: [-1.0; 2],
+                high: [1.0; 2],
+            };
             let mut view = Vector3::zeros();
             view[axis] = -normal_sign;
             let right = view.cross(&Vector3::z());
@@ -270,7 +295,9 @@ mod tests {
                 for k in 0..2000 {
                     let (column, row) = (k * 7919 % WIDTH, k * 104_729 % HEIGHT);
                     let direction = pose * ray(column as f64 + 0.37, row as f64 - 0.44);
-                    let fast = scene.world().cast_indexed(index.at(column, row), &eye, &direction);
+                    let fast = scene
+                        .world()
+                        .cast_indexed(index.at(column, row), &eye, &direction);
                     assert_eq!(fast, scene.world().cast(&eye, &direction));
                 }
             }

@@ -73,12 +73,49 @@ pub struct SceneSpec {
 impl SceneSpec {
     /// The paper's wall run: 38 frames.
     pub fn wall(seed: u64) -> Self {
-        Self { kind: SceneKind::Wall, seed, frames: 38, noise_px: 2.0, odometry: OdometryNoise::PAPER }
+        Self {
+            kind: SceneKind::Wall,
+            seed,
+            frames: 38,
+            noise_px: 2.0,
+            odometry: OdometryNoise::PAPER,
+        }
     }
 
     /// The paper's room run: 186 frames.
     pub fn room(seed: u64) -> Self {
-        Self { kind: SceneKind::Room, frames: 186, ..Self::wall(seed) }
+        Self {
+            kind: SceneKind::Room,
+            frames: 186,
+            ..Self::wall(seed)
+        }
+    }
+
+    /// Whether a scene can be built.
+    ///
+    /// # Errors
+    /// Too few or too many frames, or a noise that is negative or not finite.
+    pub fn check(&self) -> anyhow::Result<()> {
+        ensure!(
+            (2..=MOST_FRAMES).contains(&self.frames),
+            "a scene has 2 to {MOST_FRAMES} frames, not {}",
+            self.frames
+        );
+        let noise = self.odometry;
+        let levels = [
+            ("pixel noise", self.noise_px),
+            ("odometry speed noise", noise.speed_ratio),
+            ("odometry heading noise", noise.heading_rad),
+            ("odometry speed bias", noise.speed_bias_ratio),
+            ("odometry turn bias", noise.turn_bias_radps),
+        ];
+        for (name, level) in levels {
+            ensure!(
+                (0.0..=64.0).contains(&level),
+                "{name} must be in 0 to 64, not {level}"
+            );
+        }
+        Ok(())
     }
 }
 
@@ -114,28 +151,22 @@ impl Scene {
     /// Builds the scene of a specification; a second or so, most of it painting.
     ///
     /// # Errors
-    /// Too few or too many frames, or a noise that is negative or not finite.
+    /// As [`SceneSpec::check`].
     pub fn new(spec: SceneSpec) -> anyhow::Result<Self> {
-        ensure!(
-            (2..=MOST_FRAMES).contains(&spec.frames),
-            "a scene has 2 to {MOST_FRAMES} frames, not {}",
-            spec.frames
+        spec.check()?;
+        let path = Path::drive(
+            spec.course(),
+            spec.frames,
+            &mut stream(spec.seed, Purpose::Path, 0),
         );
-        let noise = spec.odometry;
-        let levels = [
-            ("pixel noise", spec.noise_px),
-            ("odometry speed noise", noise.speed_ratio),
-            ("odometry heading noise", noise.heading_rad),
-            ("odometry speed bias", noise.speed_bias_ratio),
-            ("odometry turn bias", noise.turn_bias_radps),
-        ];
-        for (name, level) in levels {
-            ensure!((0.0..=64.0).contains(&level), "{name} must be in 0 to 64, not {level}");
-        }
-        let path = Path::drive(spec.course(), spec.frames, &mut stream(spec.seed, Purpose::Path, 0));
-        let odometry = path.odometry(&noise, &mut stream(spec.seed, Purpose::Odometry, 0));
+        let odometry = path.odometry(&spec.odometry, &mut stream(spec.seed, Purpose::Odometry, 0));
         let world = paint_world(spec.furniture(), spec.seed);
-        Ok(Self { spec, world, path, odometry })
+        Ok(Self {
+            spec,
+            world,
+            path,
+            odometry,
+        })
     }
 
     /// The specification it was built from.
@@ -178,7 +209,9 @@ impl Scene {
         let pose = self.world_from_camera(frame);
         let origin = Point3::from(pose.translation.vector);
         // The ray has unit camera depth, so its parameter is the depth.
-        self.world.cast(&origin, &(pose * camera::ray(u, v))).map(|hit| hit.distance)
+        self.world
+            .cast(&origin, &(pose * camera::ray(u, v)))
+            .map(|hit| hit.distance)
     }
 
     /// World point seen at a pixel position of a frame, as [`Self::depth_at`].
@@ -204,7 +237,9 @@ impl Scene {
 impl SceneSpec {
     fn course(&self) -> Course {
         match self.kind {
-            SceneKind::Wall => Course::Straight { step_m: WALL_STEP_M },
+            SceneKind::Wall => Course::Straight {
+                step_m: WALL_STEP_M,
+            },
             SceneKind::Room => Course::Loop {
                 long_m: ROOM_SIZE_M[0] - 2.0 * ROOM_INSET_M,
                 short_m: ROOM_SIZE_M[1] - 2.0 * ROOM_INSET_M,
@@ -219,7 +254,10 @@ impl SceneSpec {
         let (low, high) = match self.kind {
             SceneKind::Wall => {
                 let length = WALL_STEP_M * (self.frames - 1) as f64;
-                (Point3::new(-margin, 0.0, 0.0), Point3::new(length + margin, WALL_DISTANCE_M, WALL_HEIGHT_M))
+                (
+                    Point3::new(-margin, 0.0, 0.0),
+                    Point3::new(length + margin, WALL_DISTANCE_M, WALL_HEIGHT_M),
+                )
             }
             SceneKind::Room => {
                 let [x, y] = ROOM_SIZE_M;
@@ -238,15 +276,25 @@ impl SceneSpec {
             walls.push((Point3::new(low.x, low.y, 0.0), Vector3::x(), size.y));
         }
         for (index, (origin, inward, length)) in walls.into_iter().enumerate() {
-            let wall = WallFrame { origin, inward, length };
+            let wall = WallFrame {
+                origin,
+                inward,
+                length,
+            };
             furniture.furnish(&wall, &mut stream(self.seed, Purpose::Layout, index as u64));
         }
         // The camera sees neither from within two metres of a wall.
         if self.kind == SceneKind::Room {
-            let floor = Paint::Skin { skin: Skin::Worn { tone: 0.35 }, light: 0.9 };
+            let floor = Paint::Skin {
+                skin: Skin::Worn { tone: 0.35 },
+                light: 0.9,
+            };
             let floor_far = Point3::new(high.x, high.y, 0.0);
             furniture.rectangle(low, floor_far, Vector3::z(), floor);
-            let ceiling = Paint::Skin { skin: Skin::Worn { tone: 0.85 }, light: 0.9 };
+            let ceiling = Paint::Skin {
+                skin: Skin::Worn { tone: 0.85 },
+                light: 0.9,
+            };
             let ceiling_near = Point3::new(low.x, low.y, WALL_HEIGHT_M);
             furniture.rectangle(ceiling_near, high, -Vector3::z(), ceiling);
         }

@@ -60,7 +60,11 @@ impl WallPlan {
             let low = between(rng, 0.05, (height - 0.4 - h).max(0.06));
             let bounds = [left, low, left + w, low + h];
             if self.is_free(bounds) {
-                let angle = if chance(rng, 0.6) { 0.0 } else { between(rng, -0.05, 0.05) };
+                let angle = if chance(rng, 0.6) {
+                    0.0
+                } else {
+                    between(rng, -0.05, 0.05)
+                };
                 self.sheets.push((bounds, angle));
             }
         }
@@ -92,13 +96,22 @@ impl WallPlan {
             canvas.paste(&part, s0, 0.0, 0.0);
         }
         for &([left, low, right, high], angle) in &self.sheets {
-            let shade = [left + 0.006, height_m - high + 0.008, right + 0.008, height_m - low + 0.01];
+            let shade = [
+                left + 0.006,
+                height_m - high + 0.008,
+                right + 0.008,
+                height_m - low + 0.01,
+            ];
             canvas.paint(shade, |_, _, old| Some(old * 0.7));
             let sheet = Skin::Sheet.canvas(right - left, high - low, rng);
             canvas.paste(&sheet, left, height_m - high, angle);
         }
         for cable in &self.cables {
-            let tone = if pick(rng, 3) == 0 { between(rng, 0.7, 0.9) } else { between(rng, 0.05, 0.3) };
+            let tone = if pick(rng, 3) == 0 {
+                between(rng, 0.7, 0.9)
+            } else {
+                between(rng, 0.05, 0.3)
+            };
             let thickness = between(rng, 0.007, 0.014);
             for pair in cable.windows(2) {
                 let [a, b] = [pair[0], pair[1]].map(|[s, h]| [s, height_m - h]);
@@ -109,12 +122,15 @@ impl WallPlan {
             // Light comes from above and the left.
             let (x0, x1) = (left + 0.2 * reach, right + 0.5 * reach);
             let (y0, y1) = (height_m - high + 0.3 * reach, height_m - low + 0.9 * reach);
-            canvas.paint([x0 - reach, y0 - reach, x1 + reach, y1 + reach], |x, y, old| {
-                let outside_x = (x0 - x).max(x - x1).max(0.0);
-                let outside_y = (y0 - y).max(y - y1).max(0.0);
-                let away = outside_x.hypot(outside_y) / reach;
-                (away < 1.0).then(|| old * (1.0 - 0.35 * (1.0 - away)))
-            });
+            canvas.paint(
+                [x0 - reach, y0 - reach, x1 + reach, y1 + reach],
+                |x, y, old| {
+                    let outside_x = (x0 - x).max(x - x1).max(0.0);
+                    let outside_y = (y0 - y).max(y - y1).max(0.0);
+                    let away = outside_x.hypot(outside_y) / reach;
+                    (away < 1.0).then(|| old * (1.0 - 0.35 * (1.0 - away)))
+                },
+            );
         }
         canvas
     }

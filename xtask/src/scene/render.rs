@@ -20,8 +20,8 @@ const RAYS: usize = 4;
 const BLUR_SIGMA_PX: f64 = 0.55;
 /// Loss of light at the image corner.
 const VIGNETTING: f64 = 0.28;
-/// Grey level of white paper in full light at exposure 1.
-const WHITE_LEVEL: f32 = 1.06;
+/// Gain from painted tone to grey level at exposure 1.
+const WHITE_LEVEL: f32 = 1.2;
 /// Read noise's share of the variance at mid grey.
 const READ_SHARE: f32 = 1.0 / 3.0;
 
@@ -67,23 +67,28 @@ impl Scene {
         let across: Vector3<f64> = pose * (ray(1.0, 0.0) - ray(0.0, 0.0));
         let offset = |k: usize| (k as f64 + 0.5) / RAYS as f64 - 0.5;
         let mut pixels = vec![0.0_f32; WIDTH * HEIGHT];
-        pixels.par_chunks_mut(WIDTH).enumerate().for_each(|(row, line)| {
-            for (column, pixel) in line.iter_mut().enumerate() {
-                let candidates = index.at(column, row);
-                let mut sum = 0.0;
-                for j in 0..RAYS {
-                    let start = pose * ray(column as f64, row as f64 + offset(j));
-                    for i in 0..RAYS {
-                        let direction = start + across * offset(i);
-                        if let Some(hit) = self.world.cast_indexed(candidates, &origin, &direction) {
-                            let point = origin + direction * hit.distance;
-                            sum += self.world.brightness(hit.facet, &point);
+        pixels
+            .par_chunks_mut(WIDTH)
+            .enumerate()
+            .for_each(|(row, line)| {
+                for (column, pixel) in line.iter_mut().enumerate() {
+                    let candidates = index.at(column, row);
+                    let mut sum = 0.0;
+                    for j in 0..RAYS {
+                        let start = pose * ray(column as f64, row as f64 + offset(j));
+                        for i in 0..RAYS {
+                            let direction = start + across * offset(i);
+                            if let Some(hit) =
+                                self.world.cast_indexed(candidates, &origin, &direction)
+                            {
+                                let point = origin + direction * hit.distance;
+                                sum += self.world.brightness(hit.facet, &point);
+                            }
                         }
                     }
+                    *pixel = sum / (RAYS * RAYS) as f32;
                 }
-                *pixel = sum / (RAYS * RAYS) as f32;
-            }
-        });
+            });
         pixels
     }
 }
@@ -121,7 +126,11 @@ mod tests {
 
     #[test]
     fn blur_keeps_a_flat_image_and_spreads_a_point_by_its_sigma() {
-        assert!(blur(&vec![7.0; WIDTH * HEIGHT]).iter().all(|v| (v - 7.0).abs() < 1e-4));
+        assert!(
+            blur(&vec![7.0; WIDTH * HEIGHT])
+                .iter()
+                .all(|v| (v - 7.0).abs() < 1e-4)
+        );
         let mut point = vec![0.0; WIDTH * HEIGHT];
         point[100 * WIDTH + 150] = 1.0;
         let spread = blur(&point);
@@ -129,6 +138,9 @@ mod tests {
             .map(|c| spread[100 * WIDTH + c] * (c as f32 - 150.0).powi(2))
             .sum::<f32>()
             / (0..WIDTH).map(|c| spread[100 * WIDTH + c]).sum::<f32>();
-        assert!((f64::from(variance).sqrt() - BLUR_SIGMA_PX).abs() < 0.02, "{variance}");
+        assert!(
+            (f64::from(variance).sqrt() - BLUR_SIGMA_PX).abs() < 0.02,
+            "{variance}"
+        );
     }
 }

@@ -17,13 +17,22 @@ fn a_point_seen_in_one_frame_is_seen_in_the_next_unless_hidden() {
         let scene = small(kind, 7);
         let (mut seen, mut hidden) = (0, 0);
         for k in 0..600_u32 {
-            let (u, v) = (f64::from(k * 131 % 319) + 0.3, f64::from(k * 57 % 239) + 0.6);
+            let (u, v) = (
+                f64::from(k * 131 % 319) + 0.3,
+                f64::from(k * 57 % 239) + 0.6,
+            );
             let point = scene.point_at(4, u, v).unwrap();
             let [bu, bv] = scene.project(4, &point).unwrap();
             assert!((bu - u).abs() < 1e-9 && (bv - v).abs() < 1e-9);
-            let Some([u2, v2]) = scene.project(5, &point) else { continue };
+            let Some([u2, v2]) = scene.project(5, &point) else {
+                continue;
+            };
             let there = scene.point_at(5, u2, v2).unwrap();
-            let range = |p: &Point3<f64>| (p - scene.world_from_camera(5).translation.vector).coords.norm();
+            let range = |p: &Point3<f64>| {
+                (p - scene.world_from_camera(5).translation.vector)
+                    .coords
+                    .norm()
+            };
             if (there - point).norm() < 1e-9 {
                 seen += 1;
             } else {
@@ -32,7 +41,10 @@ fn a_point_seen_in_one_frame_is_seen_in_the_next_unless_hidden() {
                 hidden += 1;
             }
         }
-        assert!(seen > 10 * hidden && seen > 300, "{kind:?}: {seen} seen, {hidden} hidden");
+        assert!(
+            seen > 10 * hidden && seen > 300,
+            "{kind:?}: {seen} seen, {hidden} hidden"
+        );
     }
 }
 
@@ -41,7 +53,11 @@ fn wall_is_two_metres_away_with_relief_in_front() {
     let scene = small(SceneKind::Wall, 1);
     let depths: Vec<f64> = (0..320 * 240)
         .step_by(37)
-        .map(|k| scene.depth_at(0, f64::from(k % 320), f64::from(k / 320)).unwrap())
+        .map(|k| {
+            scene
+                .depth_at(0, f64::from(k % 320), f64::from(k / 320))
+                .unwrap()
+        })
         .collect();
     let far = depths.iter().copied().fold(0.0, f64::max);
     let near = depths.iter().copied().fold(f64::INFINITY, f64::min);
@@ -51,9 +67,19 @@ fn wall_is_two_metres_away_with_relief_in_front() {
 
 #[test]
 fn every_ray_of_the_room_ends_on_a_surface() {
-    let scene = Scene::new(SceneSpec { frames: 60, ..SceneSpec::room(2) }).unwrap();
+    let scene = Scene::new(SceneSpec {
+        frames: 60,
+        ..SceneSpec::room(2)
+    })
+    .unwrap();
     for frame in 0..60 {
-        for (u, v) in [(0.0, 0.0), (319.0, 0.0), (0.0, 239.0), (319.0, 239.0), (160.0, 120.0)] {
+        for (u, v) in [
+            (0.0, 0.0),
+            (319.0, 0.0),
+            (0.0, 239.0),
+            (319.0, 239.0),
+            (160.0, 120.0),
+        ] {
             let depth = scene.depth_at(frame, u, v).unwrap();
             assert!((0.8..6.0).contains(&depth), "frame {frame}: {depth}");
         }
@@ -63,7 +89,10 @@ fn every_ray_of_the_room_ends_on_a_surface() {
 #[test]
 fn same_seed_same_pixels_whatever_the_threads() {
     let on = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         pool.install(|| {
             let scene = small(SceneKind::Wall, 5);
             (scene.render(3), scene.odometry().to_vec())
@@ -77,17 +106,27 @@ fn same_seed_same_pixels_whatever_the_threads() {
 #[test]
 fn more_frames_leave_the_path_of_the_first_ones_alone() {
     let short = small(SceneKind::Wall, 5);
-    let long = Scene::new(SceneSpec { frames: 20, ..SceneSpec::wall(5) }).unwrap();
+    let long = Scene::new(SceneSpec {
+        frames: 20,
+        ..SceneSpec::wall(5)
+    })
+    .unwrap();
     assert_eq!(short.path().poses[..], long.path().poses[..12]);
 }
 
 #[test]
 fn a_written_scene_reads_back_as_itself() {
     let folder = std::env::temp_dir().join(format!("scene-round-trip-{}", std::process::id()));
-    let scene = Scene::new(SceneSpec { frames: 2, ..SceneSpec::wall(8) }).unwrap();
+    let scene = Scene::new(SceneSpec {
+        frames: 2,
+        ..SceneSpec::wall(8)
+    })
+    .unwrap();
     scene.write(&folder).unwrap();
     let again = Scene::read(&folder.join("scene.json")).unwrap();
-    let image = image::open(folder.join("images/000001.png")).unwrap().to_luma8();
+    let image = image::open(folder.join("images/000001.png"))
+        .unwrap()
+        .to_luma8();
     let refused = scene.write(&folder).unwrap_err().to_string();
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(again.spec(), scene.spec());
@@ -99,11 +138,23 @@ fn a_written_scene_reads_back_as_itself() {
 #[test]
 fn impossible_scenes_are_refused_with_the_number_given() {
     for spec in [
-        SceneSpec { frames: 1, ..SceneSpec::wall(0) },
-        SceneSpec { noise_px: f64::NAN, ..SceneSpec::wall(0) },
-        SceneSpec { noise_px: -1.0, ..SceneSpec::wall(0) },
+        SceneSpec {
+            frames: 1,
+            ..SceneSpec::wall(0)
+        },
+        SceneSpec {
+            noise_px: f64::NAN,
+            ..SceneSpec::wall(0)
+        },
+        SceneSpec {
+            noise_px: -1.0,
+            ..SceneSpec::wall(0)
+        },
     ] {
         let message = Scene::new(spec).unwrap_err().to_string();
-        assert!(message.contains('1') || message.contains("NaN"), "{message}");
+        assert!(
+            message.contains('1') || message.contains("NaN"),
+            "{message}"
+        );
     }
 }

@@ -71,12 +71,18 @@ fn worn(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
     });
     let area = canvas.width_m * canvas.height_m;
     for _ in 0..(area * 40.0).ceil() as usize {
-        let a = [between(rng, 0.0, canvas.width_m), between(rng, 0.0, canvas.height_m)];
+        let a = [
+            between(rng, 0.0, canvas.width_m),
+            between(rng, 0.0, canvas.height_m),
+        ];
         if chance(rng, 0.5) {
             let ink = (tone + between(rng, -0.25, 0.2)).clamp(0.02, 0.98);
             canvas.disc(a[0], a[1], between(rng, 0.003, 0.014), ink);
         } else {
-            let b = [a[0] + between(rng, -0.08, 0.08), a[1] + between(rng, -0.05, 0.05)];
+            let b = [
+                a[0] + between(rng, -0.08, 0.08),
+                a[1] + between(rng, -0.05, 0.05),
+            ];
             let ink = (tone + between(rng, -0.2, 0.2)).clamp(0.02, 0.98);
             canvas.stroke(a, b, between(rng, 0.002, 0.005), ink);
         }
@@ -87,10 +93,13 @@ fn wood(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
     let noise = Noise::new(rng);
     canvas.paint(full(canvas), |x, y, _| {
         let bend = noise.octaves(x * 2.0, y * 6.0, 2, 0.5);
-        Some(tone + 0.1 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
+        Some(tone + 0.07 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
     });
     for _ in 0..(canvas.width_m * canvas.height_m * 6.0).ceil() as usize {
-        let (x, y) = (between(rng, 0.0, canvas.width_m), between(rng, 0.0, canvas.height_m));
+        let (x, y) = (
+            between(rng, 0.0, canvas.width_m),
+            between(rng, 0.0, canvas.height_m),
+        );
         let radius = between(rng, 0.005, 0.02);
         canvas.disc(x, y, radius, tone - 0.22);
         canvas.disc(x, y, radius * 0.5, tone - 0.3);
@@ -132,15 +141,34 @@ fn carton(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
     let angle = between(rng, -0.06, 0.06);
     canvas.paste(&label, x, y, angle);
     let ink = ink_on(rng, ground);
-    text(canvas, rng, [0.08 * w, 0.75 * h, 0.95 * w, 0.97 * h], (0.14 * h).min(0.05), ink);
+    text(
+        canvas,
+        rng,
+        [0.08 * w, 0.75 * h, 0.95 * w, 0.97 * h],
+        (0.14 * h).min(0.05),
+        ink,
+    );
 }
 
 fn instrument(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
     let ground = between(rng, 0.15, 0.8);
     let (w, h) = (canvas.width_m, canvas.height_m);
     worn(canvas, rng, ground);
-    let screen = [0.06 * w, 0.12 * h, between(rng, 0.35, 0.55) * w, between(rng, 0.55, 0.85) * h];
-    canvas.rect([screen[0] - 0.008, screen[1] - 0.008, screen[2] + 0.008, screen[3] + 0.008], ink_on(rng, ground));
+    let screen = [
+        0.06 * w,
+        0.12 * h,
+        between(rng, 0.35, 0.55) * w,
+        between(rng, 0.55, 0.85) * h,
+    ];
+    canvas.rect(
+        [
+            screen[0] - 0.008,
+            screen[1] - 0.008,
+            screen[2] + 0.008,
+            screen[3] + 0.008,
+        ],
+        ink_on(rng, ground),
+    );
     canvas.rect(screen, 0.12);
     let noise = Noise::new(rng);
     let mut last = [screen[0], (screen[1] + screen[3]) / 2.0];
@@ -162,10 +190,30 @@ fn instrument(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
                     let radius = pitch * between(rng, 0.22, 0.42);
                     let turn = between(rng, 0.0, 6.3);
                     canvas.disc(x, y, radius, ink);
-                    canvas.stroke([x, y], [x + radius * turn.cos(), y + radius * turn.sin()], 0.004, ground);
+                    canvas.stroke(
+                        [x, y],
+                        [x + radius * turn.cos(), y + radius * turn.sin()],
+                        0.004,
+                        ground,
+                    );
                 }
-                2 => canvas.rect([x - pitch * 0.35, y - pitch * 0.2, x + pitch * 0.3, y + pitch * 0.25], ink),
-                3 => letter(canvas, rng, [x - pitch * 0.3, y - pitch * 0.3], pitch * 0.55, pitch * 0.6, ink),
+                2 => canvas.rect(
+                    [
+                        x - pitch * 0.35,
+                        y - pitch * 0.2,
+                        x + pitch * 0.3,
+                        y + pitch * 0.25,
+                    ],
+                    ink,
+                ),
+                3 => letter(
+                    canvas,
+                    rng,
+                    [x - pitch * 0.3, y - pitch * 0.3],
+                    pitch * 0.55,
+                    pitch * 0.6,
+                    ink,
+                ),
                 _ => {}
             }
             x += pitch * between(rng, 0.95, 1.3);
@@ -183,13 +231,27 @@ fn leaf(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
         let frame = [0.05, y, w - 0.05, bottom];
         for inset in [0.0, 0.012] {
             let edge = tone - 0.16 + 8.0 * inset;
-            canvas.rect([frame[0] + inset, frame[1] + inset, frame[2] - inset, frame[3] - inset], edge);
+            canvas.rect(
+                [
+                    frame[0] + inset,
+                    frame[1] + inset,
+                    frame[2] - inset,
+                    frame[3] - inset,
+                ],
+                edge,
+            );
         }
         let panel = tone + between(rng, -0.05, 0.07);
         let noise = Noise::new(rng);
-        canvas.paint([frame[0] + 0.02, frame[1] + 0.02, frame[2] - 0.02, frame[3] - 0.02], |x, y, _| {
-            Some(panel + 0.04 * noise.octaves(x * 9.0, y * 9.0, 4, 0.6))
-        });
+        canvas.paint(
+            [
+                frame[0] + 0.02,
+                frame[1] + 0.02,
+                frame[2] - 0.02,
+                frame[3] - 0.02,
+            ],
+            |x, y, _| Some(panel + 0.04 * noise.octaves(x * 9.0, y * 9.0, 4, 0.6)),
+        );
         if chance(rng, 0.75) {
             stick_on(canvas, rng, frame);
         }
@@ -206,7 +268,14 @@ fn leaf(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
 /// A small note somewhere in a rectangle.
 fn stick_on(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4]) {
     let (w, h) = (x1 - x0, y1 - y0);
-    let note = Skin::Sheet.canvas(between(rng, 0.25, 0.6) * w, between(rng, 0.25, 0.6) * h, rng);
+    if w.min(h) < 0.03 {
+        return;
+    }
+    let note = Skin::Sheet.canvas(
+        between(rng, 0.25, 0.6) * w,
+        between(rng, 0.25, 0.6) * h,
+        rng,
+    );
     let x = between(rng, x0, x1 - note.width_m);
     let y = between(rng, y0, y1 - note.height_m);
     let angle = between(rng, -0.12, 0.12);
@@ -215,7 +284,11 @@ fn stick_on(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4
 
 fn sheet(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
     let (w, h) = (canvas.width_m, canvas.height_m);
-    let ground = if chance(rng, 0.7) { between(rng, 0.72, 0.95) } else { between(rng, 0.12, 0.5) };
+    let ground = if chance(rng, 0.7) {
+        between(rng, 0.72, 0.95)
+    } else {
+        between(rng, 0.12, 0.5)
+    };
     canvas.rect(full(canvas), ground);
     let ink = ink_on(rng, ground);
     let margin = 0.06 * w.min(h);
@@ -244,7 +317,11 @@ fn page(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], i
     let figure = Canvas::new(w * 0.4, (y1 - split) * 0.9, 0.9);
     let mut drawn = figure.clone();
     let inner = [0.0, 0.0, figure.width_m, figure.height_m];
-    if chance(rng, 0.5) { picture(&mut drawn, rng, inner) } else { shapes(&mut drawn, rng, inner, 0.9) }
+    if chance(rng, 0.5) {
+        picture(&mut drawn, rng, inner)
+    } else {
+        shapes(&mut drawn, rng, inner, 0.9)
+    }
     let small = between(rng, 0.014, 0.03);
     text(canvas, rng, [x0, top, x1, split - small], small, ink);
     canvas.paste(&drawn, x0, split, 0.0);
@@ -264,7 +341,10 @@ fn picture(canvas: &mut Canvas, rng: &mut ChaCha8Rng, bounds: [f64; 4]) {
     });
     for _ in 0..2 + pick(rng, 5) {
         let radius = between(rng, 0.01, 0.12) * (x1 - x0).min(y1 - y0);
-        let (x, y) = (between(rng, x0 + radius, x1 - radius), between(rng, y0 + radius, y1 - radius));
+        let (x, y) = (
+            between(rng, x0 + radius, x1 - radius),
+            between(rng, y0 + radius, y1 - radius),
+        );
         let tone = between(rng, 0.03, 0.97);
         canvas.disc(x, y, radius, tone);
     }
@@ -275,8 +355,15 @@ fn shapes(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4],
     let count = 6 + ((x1 - x0) * (y1 - y0) * 180.0) as usize;
     for _ in 0..count.min(70) {
         let reach = size * between(rng, 0.02, 0.2).powf(1.15);
-        let (x, y) = (between(rng, x0 + reach, x1 - reach), between(rng, y0 + reach, y1 - reach));
-        let tone = if chance(rng, 0.8) { ink_on(rng, ground) } else { between(rng, 0.03, 0.97) };
+        let (x, y) = (
+            between(rng, x0 + reach, x1 - reach),
+            between(rng, y0 + reach, y1 - reach),
+        );
+        let tone = if chance(rng, 0.8) {
+            ink_on(rng, ground)
+        } else {
+            between(rng, 0.03, 0.97)
+        };
         match pick(rng, 4) {
             0 => canvas.disc(x, y, reach, tone),
             1 => {
@@ -295,7 +382,14 @@ fn shapes(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4],
                     .collect();
                 canvas.polygon(&corners, tone);
             }
-            _ => letter(canvas, rng, [x - 0.6 * reach, y - 0.8 * reach], 1.2 * reach, 1.6 * reach, tone),
+            _ => letter(
+                canvas,
+                rng,
+                [x - 0.6 * reach, y - 0.8 * reach],
+                1.2 * reach,
+                1.6 * reach,
+                tone,
+            ),
         }
     }
 }
@@ -319,7 +413,10 @@ fn chart(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], 
         let mut last = [left, between(rng, y0, floor)];
         let tone = ink_on(rng, ground);
         for point in 1..=7 {
-            let next = [left + (x1 - left) * f64::from(point) / 7.0, between(rng, y0, floor)];
+            let next = [
+                left + (x1 - left) * f64::from(point) / 7.0,
+                between(rng, y0, floor),
+            ];
             canvas.stroke(last, next, 0.007, tone);
             canvas.disc(next[0], next[1], between(rng, 0.008, 0.016), tone);
             last = next;
@@ -336,13 +433,23 @@ fn table(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], 
         let mut x = x0;
         while x < x1 - 0.03 {
             let right = (x + between(rng, 0.04, 0.14)).min(x1);
-            let fill = if chance(rng, 0.35) { between(rng, 0.1, 0.95) } else { ground };
+            let fill = if chance(rng, 0.35) {
+                between(rng, 0.1, 0.95)
+            } else {
+                ground
+            };
             canvas.rect([x, y, right, bottom], ink);
             canvas.rect([x + 0.004, y + 0.004, right - 0.004, bottom - 0.004], fill);
             let mark = ink_on(rng, fill);
             let size = (bottom - y) * between(rng, 0.4, 0.75);
             if chance(rng, 0.8) {
-                text(canvas, rng, [x + 0.008, y + 0.008, right - 0.006, bottom - 0.004], size, mark);
+                text(
+                    canvas,
+                    rng,
+                    [x + 0.008, y + 0.008, right - 0.006, bottom - 0.004],
+                    size,
+                    mark,
+                );
             }
             x = right;
         }
@@ -367,7 +474,8 @@ fn wall(canvas: &mut Canvas, rng: &mut ChaCha8Rng, material: Material) {
             let base = tone - 0.2;
             canvas.paint(full(canvas), |x, y, _| {
                 let course = (y / 0.075).floor();
-                let shifted = x + 0.125 * course.rem_euclid(2.0) + 0.02 * noise.node(course as i64, 7);
+                let shifted =
+                    x + 0.125 * course.rem_euclid(2.0) + 0.02 * noise.node(course as i64, 7);
                 let brick = (shifted / 0.25).floor();
                 let edge_x = shifted - 0.25 * brick + 0.004 * grain.at(x * 40.0, y * 40.0);
                 let edge_y = y - 0.075 * course + 0.004 * grain.at(x * 40.0 + 50.0, y * 40.0);
@@ -391,9 +499,17 @@ fn wall(canvas: &mut Canvas, rng: &mut ChaCha8Rng, material: Material) {
             let mut x = 0.0;
             while x < w {
                 let width = between(rng, 0.08, 0.16);
-                let board = Skin::Wood { tone: tone + between(rng, -0.2, 0.05) }.canvas(h, width, rng);
+                let board = Skin::Wood {
+                    tone: tone + between(rng, -0.2, 0.05),
+                }
+                .canvas(h, width, rng);
                 // Grain runs along the board: turned upright about its centre.
-                canvas.paste(&board, x + (width - h) / 2.0, (h - width) / 2.0, std::f64::consts::FRAC_PI_2);
+                canvas.paste(
+                    &board,
+                    x + (width - h) / 2.0,
+                    (h - width) / 2.0,
+                    std::f64::consts::FRAC_PI_2,
+                );
                 canvas.rect([x, 0.0, x + 0.005, h], 0.15);
                 x += width;
             }
@@ -425,8 +541,11 @@ mod tests {
         for skin in skins {
             for (w, h) in [(0.5, 0.4), (0.02, 0.3), (0.3, 0.02)] {
                 let done = skin.canvas(w, h, &mut rng).finish();
-                let tones = (0..400).map(|k| done.sample(w * f64::from(k % 20) / 20.0, h * f64::from(k / 20) / 20.0));
-                let (low, high) = tones.fold((255.0_f32, 0.0_f32), |(l, u), t| (l.min(t), u.max(t)));
+                let tones = (0..400).map(|k| {
+                    done.sample(w * f64::from(k % 20) / 20.0, h * f64::from(k / 20) / 20.0)
+                });
+                let (low, high) =
+                    tones.fold((255.0_f32, 0.0_f32), |(l, u), t| (l.min(t), u.max(t)));
                 assert!(high > low, "{skin:?} {w} {h} is blank");
             }
         }

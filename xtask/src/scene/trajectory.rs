@@ -85,7 +85,11 @@ pub(super) enum Course {
     Straight { step_m: f64 },
     /// Clockwise around a rectangle with rounded corners, starting in the middle of
     /// the first long side; `overlap` frames drive the start again.
-    Loop { long_m: f64, short_m: f64, overlap: usize },
+    Loop {
+        long_m: f64,
+        short_m: f64,
+        overlap: usize,
+    },
 }
 
 impl Path {
@@ -103,21 +107,33 @@ impl Path {
         let side = if between(-1.0, 1.0) < 0.0 { -1.0 } else { 1.0 };
         let slow = [side * between(0.022, 0.035), TAU / between(6.0, 9.0)];
         let fast = [between(0.006, 0.012), TAU / between(2.4, 3.4)];
-        let pulse = [between(0.03, 0.06), TAU / between(4.0, 6.0), between(0.0, TAU)];
+        let pulse = [
+            between(0.03, 0.06),
+            TAU / between(4.0, 6.0),
+            between(0.0, TAU),
+        ];
         let wiggle = |t: f64| slow[0] * (slow[1] * t).sin() + fast[0] * (fast[1] * t).sin();
 
         let rows = (frames - 1) * ROWS_PER_FRAME;
         let mut controls = Vec::with_capacity(rows + 1);
-        let mut poses = vec![PlanarPose { x: 0.0, y: 0.0, phi: 0.0 }];
+        let mut poses = vec![PlanarPose {
+            x: 0.0,
+            y: 0.0,
+            phi: 0.0,
+        }];
         let (mut pose, mut driven_m) = (poses[0], 0.0);
         for row in 0..rows {
             let t_s = row as f64 * dt;
-            let v_mps = step_m / FRAME_PERIOD_S
-                * (1.0 + pulse[0] * (pulse[1] * t_s + pulse[2]).sin());
+            let v_mps =
+                step_m / FRAME_PERIOD_S * (1.0 + pulse[0] * (pulse[1] * t_s + pulse[2]).sin());
             let turn = course.heading(driven_m + v_mps * dt) + wiggle(t_s + dt)
                 - course.heading(driven_m)
                 - wiggle(t_s);
-            let control = OdometryRow { t_s, v_mps, omega_radps: turn / dt };
+            let control = OdometryRow {
+                t_s,
+                v_mps,
+                omega_radps: turn / dt,
+            };
             pose = advance(&pose, &control, dt);
             driven_m += v_mps * dt;
             controls.push(control);
@@ -125,9 +141,17 @@ impl Path {
                 poses.push(pose);
             }
         }
-        controls.push(OdometryRow { t_s: rows as f64 * dt, v_mps: 0.0, omega_radps: 0.0 });
+        controls.push(OdometryRow {
+            t_s: rows as f64 * dt,
+            v_mps: 0.0,
+            omega_radps: 0.0,
+        });
         let times_s = (0..frames).map(|k| k as f64 * FRAME_PERIOD_S).collect();
-        Self { times_s, poses, controls }
+        Self {
+            times_s,
+            poses,
+            controls,
+        }
     }
 
     /// What the wheels report: the true control with noise; the last row stays at rest.
@@ -170,7 +194,11 @@ pub fn advance(pose: &PlanarPose, control: &OdometryRow, dt: f64) -> PlanarPose 
 /// Integrates odometry rows and returns the pose at each of `times_s`, starting at the origin.
 /// Times and rows must be sorted.
 pub fn dead_reckoning(rows: &[OdometryRow], times_s: &[f64]) -> Vec<PlanarPose> {
-    let mut pose = PlanarPose { x: 0.0, y: 0.0, phi: 0.0 };
+    let mut pose = PlanarPose {
+        x: 0.0,
+        y: 0.0,
+        phi: 0.0,
+    };
     let mut now = rows.first().map_or(0.0, |row| row.t_s);
     let mut next = 0;
     let mut poses = Vec::with_capacity(times_s.len());
@@ -200,7 +228,9 @@ impl Course {
     fn length_m(self) -> f64 {
         match self {
             Self::Straight { .. } => f64::INFINITY,
-            Self::Loop { long_m, short_m, .. } => {
+            Self::Loop {
+                long_m, short_m, ..
+            } => {
                 let straights = 2.0 * (long_m + short_m - 4.0 * CORNER_RADIUS_M);
                 straights + TAU * CORNER_RADIUS_M
             }
@@ -209,11 +239,17 @@ impl Course {
 
     /// Heading after `driven_m` metres of the nominal course, not wrapped.
     fn heading(self, driven_m: f64) -> f64 {
-        let Self::Loop { long_m, short_m, .. } = self else {
+        let Self::Loop {
+            long_m, short_m, ..
+        } = self
+        else {
             return 0.0;
         };
         let arc = FRAC_PI_2 * CORNER_RADIUS_M;
-        let (long, short) = (long_m - 2.0 * CORNER_RADIUS_M, short_m - 2.0 * CORNER_RADIUS_M);
+        let (long, short) = (
+            long_m - 2.0 * CORNER_RADIUS_M,
+            short_m - 2.0 * CORNER_RADIUS_M,
+        );
         let rounds = (driven_m / self.length_m()).floor();
         let mut rest = driven_m - rounds * self.length_m();
         let mut turned = -TAU * rounds;
@@ -237,7 +273,11 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
 
-    const ROOM: Course = Course::Loop { long_m: 2.2, short_m: 1.2, overlap: 14 };
+    const ROOM: Course = Course::Loop {
+        long_m: 2.2,
+        short_m: 1.2,
+        overlap: 14,
+    };
 
     #[test]
     fn noiseless_odometry_integrates_to_the_truth() {
@@ -254,9 +294,17 @@ mod tests {
 
     #[test]
     fn arc_series_meets_the_closed_form() {
-        let start = PlanarPose { x: 1.0, y: -2.0, phi: 0.3 };
+        let start = PlanarPose {
+            x: 1.0,
+            y: -2.0,
+            phi: 0.3,
+        };
         for omega in [1.9e-4, 2.1e-4, 0.5, -3.0] {
-            let control = OdometryRow { t_s: 0.0, v_mps: 0.7, omega_radps: omega };
+            let control = OdometryRow {
+                t_s: 0.0,
+                v_mps: 0.7,
+                omega_radps: omega,
+            };
             let got = advance(&start, &control, 1.0);
             let radius = 0.7 / omega;
             let x = 1.0 + radius * ((0.3 + omega).sin() - 0.3_f64.sin());
@@ -291,7 +339,11 @@ mod tests {
 
     #[test]
     fn odometry_noise_has_the_stated_size_per_frame() {
-        let path = Path::drive(Course::Straight { step_m: 0.1 }, 2001, &mut ChaCha8Rng::seed_from_u64(1));
+        let path = Path::drive(
+            Course::Straight { step_m: 0.1 },
+            2001,
+            &mut ChaCha8Rng::seed_from_u64(1),
+        );
         let noise = OdometryNoise {
             speed_bias_ratio: 0.0,
             turn_bias_radps: 0.0,
@@ -299,17 +351,28 @@ mod tests {
         };
         let rows = path.odometry(&noise, &mut ChaCha8Rng::seed_from_u64(2));
         let (mut length2, mut turn2) = (0.0, 0.0);
-        let groups = rows.chunks_exact(ROWS_PER_FRAME).zip(path.controls.chunks_exact(ROWS_PER_FRAME));
+        let groups = rows
+            .chunks_exact(ROWS_PER_FRAME)
+            .zip(path.controls.chunks_exact(ROWS_PER_FRAME));
         for (noisy, exact) in groups {
             let sum = |rows: &[OdometryRow], of: fn(&OdometryRow) -> f64| {
                 rows.iter().map(of).sum::<f64>() * 0.1
             };
             let (long, short) = (sum(noisy, |r| r.v_mps), sum(exact, |r| r.v_mps));
             length2 += (long / short - 1.0).powi(2) / 2000.0;
-            turn2 += (sum(noisy, |r| r.omega_radps) - sum(exact, |r| r.omega_radps)).powi(2) / 2000.0;
+            turn2 +=
+                (sum(noisy, |r| r.omega_radps) - sum(exact, |r| r.omega_radps)).powi(2) / 2000.0;
         }
         // A sample deviation of 2000 draws is within 6 % at four sigma.
-        assert!((length2.sqrt() / 0.05 - 1.0).abs() < 0.07, "{}", length2.sqrt());
-        assert!((turn2.sqrt() / 0.012 - 1.0).abs() < 0.07, "{}", turn2.sqrt());
+        assert!(
+            (length2.sqrt() / 0.05 - 1.0).abs() < 0.07,
+            "{}",
+            length2.sqrt()
+        );
+        assert!(
+            (turn2.sqrt() / 0.012 - 1.0).abs() < 0.07,
+            "{}",
+            turn2.sqrt()
+        );
     }
 }

@@ -28,11 +28,14 @@ impl Scene {
             "{} already holds a sequence: choose another folder or remove it",
             folder.display()
         );
-        fs::create_dir_all(&images).with_context(|| format!("cannot create {}", images.display()))?;
-        (0..self.spec.frames).into_par_iter().try_for_each(|frame| {
-            let file = images.join(format!("{frame:06}.png"));
-            write_file(&file, &encode_png(&self.render(frame))?)
-        })?;
+        fs::create_dir_all(&images)
+            .with_context(|| format!("cannot create {}", images.display()))?;
+        (0..self.spec.frames)
+            .into_par_iter()
+            .try_for_each(|frame| {
+                let file = images.join(format!("{frame:06}.png"));
+                write_file(&file, &encode_png(&self.render(frame))?)
+            })?;
         for (name, text) in [
             ("times.txt", self.times()),
             ("camera.toml", camera_toml()),
@@ -51,7 +54,8 @@ impl Scene {
     /// # Errors
     /// The file is missing, is not a scene description, or describes an impossible scene.
     pub fn read(file: &Path) -> anyhow::Result<Self> {
-        let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let text =
+            fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let wrong = || format!("{} is not a scene description", file.display());
         let value: serde_json::Value = serde_json::from_str(&text).with_context(wrong)?;
         let spec: SceneSpec = serde_json::from_value(value["spec"].clone()).with_context(wrong)?;
@@ -69,13 +73,19 @@ impl Scene {
     fn planar_truth(&self) -> String {
         let mut text = String::from("frame,t_s,x_m,y_m,phi_rad\n");
         for (frame, (time, pose)) in self.path.times_s.iter().zip(&self.path.poses).enumerate() {
-            let _ = writeln!(text, "{frame},{time:.6},{:.9},{:.9},{:.9}", pose.x, pose.y, pose.phi);
+            let _ = writeln!(
+                text,
+                "{frame},{time:.6},{:.9},{:.9},{:.9}",
+                pose.x, pose.y, pose.phi
+            );
         }
         text
     }
 
     fn camera_truth(&self) -> String {
-        let mut text = String::from("# timestamp tx ty tz qx qy qz qw, camera-to-world, world = first camera\n");
+        let mut text = String::from(
+            "# timestamp tx ty tz qx qy qz qw, camera-to-world, world = first camera\n",
+        );
         let first_camera_from_world = self.world_from_camera(0).inverse();
         for (frame, time) in self.path.times_s.iter().enumerate() {
             let pose = first_camera_from_world * self.world_from_camera(frame);
@@ -112,7 +122,11 @@ impl Scene {
 fn odometry_csv(rows: &[OdometryRow]) -> String {
     let mut text = String::from("t_s,v_mps,omega_radps\n");
     for row in rows {
-        let _ = writeln!(text, "{:.6},{:.9},{:.9}", row.t_s, row.v_mps, row.omega_radps);
+        let _ = writeln!(
+            text,
+            "{:.6},{:.9},{:.9}",
+            row.t_s, row.v_mps, row.omega_radps
+        );
     }
     text
 }
@@ -132,8 +146,17 @@ fn camera_toml() -> String {
 
 fn encode_png(image: &image::GrayImage) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
-        .write_image(image.as_raw(), image.width(), image.height(), ExtendedColorType::L8)?;
+    png::PngEncoder::new_with_quality(
+        &mut bytes,
+        png::CompressionType::Default,
+        png::FilterType::Adaptive,
+    )
+    .write_image(
+        image.as_raw(),
+        image.width(),
+        image.height(),
+        ExtendedColorType::L8,
+    )?;
     Ok(bytes)
 }
 

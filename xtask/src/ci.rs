@@ -1,0 +1,60 @@
+//! The gate: formatting, clippy, tests with doctests, documentation, tidy.
+//!
+//! Every step runs even when an earlier one failed, each with its time; the
+//! error names the steps that failed.
+
+#![expect(clippy::print_stdout, reason = "progress of the gate on a terminal")]
+
+use crate::tidy;
+use anyhow::ensure;
+use std::path::Path;
+use std::time::Instant;
+use xshell::{Shell, cmd};
+
+/// Runs the whole gate in the workspace at `root`.
+///
+/// # Errors
+/// The names of the steps that failed.
+pub fn run(root: &Path) -> anyhow::Result<()> {
+    let shell = Shell::new()?;
+    shell.change_dir(root);
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| String::from("cargo"));
+    let steps: [(&str, &dyn Fn() -> anyhow::Result<()>); 5] = [
+        ("fmt", &|| {
+            Ok(cmd!(shell, "{cargo} fmt --all -- --check").run()?)
+        }),
+        ("clippy", &|| {
+            Ok(cmd!(
+                shell,
+                "{cargo} clippy --locked --workspace --all-targets -- -D warnings"
+            )
+            .run()?)
+        }),
+        ("test", &|| {
+            Ok(cmd!(shell, "{cargo} test --locked --workspace").run()?)
+        }),
+        ("doc", &|| {
+            let doc = cmd!(shell, "{cargo} doc --locked --workspace --no-deps");
+            Ok(doc.env("RUSTDOCFLAGS", "-D warnings").run()?)
+        }),
+        ("tidy", &|| tidy::run(root)),
+    ];
+    let (mut summary, mut failed) = (String::new(), Vec::new());
+    for (name, step) in steps {
+        println!("== {name}");
+        let start = Instant::now();
+        let outcome = step();
+        let verdict = if outcome.is_ok() { "ok" } else { "FAILED" };
+        summary += &format!(
+            "{name:<8}{:>8.1} s  {verdict}\n",
+            start.elapsed().as_secs_f64()
+        );
+        if let Err(error) = outcome {
+            println!("{error:#}");
+            failed.push(name);
+        }
+    }
+    print!("{summary}");
+    ensure!(failed.is_empty(), "failed: {}", failed.join(", "));
+    Ok(())
+}

@@ -1,0 +1,166 @@
+//! The command line of `cargo xtask`: every command and flag in one place.
+
+use crate::scene::SceneSpec;
+use anyhow::{anyhow, bail, ensure};
+use lexopt::prelude::*;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// What `--help` prints.
+pub const HELP: &str = "\
+cargo xtask <command>
+
+scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
+      render a sequence with ground truth; LEVELS is the pixel noise at mid grey
+fixtures [--check]
+      rewrite fixtures/wall, or verify that it is what would be written
+tidy  check the rules of the tree
+ci    formatting, clippy, tests, documentation, tidy
+";
+
+/// A parsed command line.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Command {
+    /// Print [`HELP`].
+    Help,
+    /// Render one sequence into a folder.
+    Scene {
+        /// Folder of the sequence.
+        out: PathBuf,
+        /// What to render.
+        spec: SceneSpec,
+    },
+    /// Rewrite the fixtures, or verify them.
+    Fixtures {
+        /// Verify only.
+        check: bool,
+    },
+    /// Check the rules of the tree.
+    Tidy,
+    /// The whole gate.
+    Ci,
+}
+
+/// Reads a command line without the program's name.
+///
+/// # Errors
+/// Anything unknown, missing or out of place, in one sentence.
+pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Command> {
+    let mut parser = lexopt::Parser::from_args(arguments);
+    let name = match parser.next()? {
+        None => bail!("a command is required: scene, fixtures, tidy or ci"),
+        Some(Long("help") | Short('h')) => return Ok(Command::Help),
+        Some(Value(name)) => name.string()?,
+        Some(other) => return Err(other.unexpected().into()),
+    };
+    match name.as_str() {
+        "scene" => scene(&mut parser),
+        "fixtures" => fixtures(&mut parser),
+        "tidy" => alone(&mut parser, Command::Tidy),
+        "ci" => alone(&mut parser, Command::Ci),
+        "help" => Ok(Command::Help),
+        other => Err(anyhow!(
+            "no command `{other}`: use scene, fixtures, tidy or ci"
+        )),
+    }
+}
+
+fn scene(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
+    let (mut out, mut kind, mut seed) = (None, String::from("wall"), 1);
+    let (mut frames, mut noise_px) = (None, None);
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("out") => out = Some(PathBuf::from(parser.value()?)),
+            Long("kind") => kind = parser.value()?.string()?,
+            Long("seed") => seed = parser.value()?.parse()?,
+            Long("frames") => frames = Some(parser.value()?.parse()?),
+            Long("noise-px") => noise_px = Some(parser.value()?.parse()?),
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected().into()),
+        }
+    }
+    let mut spec = match kind.as_str() {
+        "wall" => SceneSpec::wall(seed),
+        "room" => SceneSpec::room(seed),
+        other => bail!("--kind must be wall or room, not `{other}`"),
+    };
+    spec.frames = frames.unwrap_or(spec.frames);
+    spec.noise_px = noise_px.unwrap_or(spec.noise_px);
+    spec.check()?;
+    let out = out.ok_or_else(|| anyhow!("scene needs --out SEQ"))?;
+    ensure!(!out.as_os_str().is_empty(), "--out must not be empty");
+    Ok(Command::Scene { out, spec })
+}
+
+fn fixtures(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
+    let mut check = false;
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("check") => check = true,
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected().into()),
+        }
+    }
+    Ok(Command::Fixtures { check })
+}
+
+fn alone(parser: &mut lexopt::Parser, command: Command) -> anyhow::Result<Command> {
+    match parser.next()? {
+        None => Ok(command),
+        Some(Long("help") | Short('h')) => Ok(Command::Help),
+        Some(other) => Err(other.unexpected().into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(line: &str) -> anyhow::Result<Command> {
+        parse(line.split_whitespace().map(OsString::from))
+    }
+
+    #[test]
+    fn every_flag_reaches_the_specification() {
+        let line = "scene --out a/b --kind room --seed 9 --frames 12 --noise-px 1.5";
+        let spec = SceneSpec {
+            frames: 12,
+            noise_px: 1.5,
+            ..SceneSpec::room(9)
+        };
+        assert_eq!(
+            read(line).unwrap(),
+            Command::Scene {
+                out: "a/b".into(),
+                spec
+            }
+        );
+        assert_eq!(
+            read("fixtures --check").unwrap(),
+            Command::Fixtures { check: true }
+        );
+        assert_eq!(read("tidy").unwrap(), Command::Tidy);
+        assert_eq!(read("ci --help").unwrap(), Command::Help);
+    }
+
+    #[test]
+    fn wrong_lines_say_what_is_wrong() {
+        for (line, word) in [
+            ("", "command"),
+            ("paint", "paint"),
+            ("scene", "--out"),
+            ("scene --out x --kind cave", "cave"),
+            ("scene --out x --frames 1", "1"),
+            ("scene --out x --seed -3", "-3"),
+            ("scene --out x --noise-px", "--noise-px"),
+            ("tidy up", "up"),
+            ("fixtures --all", "--all"),
+        ] {
+            let message = read(line).unwrap_err().to_string();
+            assert!(
+                message.contains(word) && !message.contains('\n'),
+                "{line}: {message}"
+            );
+        }
+    }
+}
