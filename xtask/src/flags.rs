@@ -1,6 +1,7 @@
 //! The command line of `cargo xtask`: every command and flag in one place.
 
 use crate::scene::SceneSpec;
+use crate::synth_eval::Options;
 use anyhow::{anyhow, bail, ensure};
 use lexopt::prelude::*;
 use std::ffi::OsString;
@@ -14,6 +15,8 @@ scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
       render a sequence with ground truth; LEVELS is the pixel noise at mid grey
 fixtures [--check]
       rewrite fixtures/wall, or verify that it is what would be written
+synth-eval [--quick] [--seeds N] [--out DIR]
+      compare the filters on N rendered walls; results, table and figures go to DIR (out/synth-eval)
 tidy  check the rules of the tree
 ci    formatting, clippy, tests, documentation, tidy
 ";
@@ -35,6 +38,8 @@ pub enum Command {
         /// Verify only.
         check: bool,
     },
+    /// Compare the filters on rendered walls.
+    SynthEval(Options),
     /// Check the rules of the tree.
     Tidy,
     /// The whole gate.
@@ -48,7 +53,7 @@ pub enum Command {
 pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Command> {
     let mut parser = lexopt::Parser::from_args(arguments);
     let name = match parser.next()? {
-        None => bail!("a command is required: scene, fixtures, tidy or ci"),
+        None => bail!("a command is required: scene, fixtures, synth-eval, tidy or ci"),
         Some(Long("help") | Short('h')) => return Ok(Command::Help),
         Some(Value(name)) => name.string()?,
         Some(other) => return Err(other.unexpected().into()),
@@ -56,11 +61,12 @@ pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Co
     match name.as_str() {
         "scene" => scene(&mut parser),
         "fixtures" => fixtures(&mut parser),
+        "synth-eval" => synth_eval(&mut parser),
         "tidy" => alone(&mut parser, Command::Tidy),
         "ci" => alone(&mut parser, Command::Ci),
         "help" => Ok(Command::Help),
         other => Err(anyhow!(
-            "no command `{other}`: use scene, fixtures, tidy or ci"
+            "no command `{other}`: use scene, fixtures, synth-eval, tidy or ci"
         )),
     }
 }
@@ -104,6 +110,29 @@ fn fixtures(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
     Ok(Command::Fixtures { check })
 }
 
+fn synth_eval(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
+    let mut options = Options {
+        quick: false,
+        seeds: None,
+        out: PathBuf::from("out/synth-eval"),
+    };
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("quick") => options.quick = true,
+            Long("seeds") => options.seeds = Some(parser.value()?.parse()?),
+            Long("out") => options.out = PathBuf::from(parser.value()?),
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected().into()),
+        }
+    }
+    options.seed_count()?;
+    ensure!(
+        !options.out.as_os_str().is_empty(),
+        "--out must not be empty"
+    );
+    Ok(Command::SynthEval(options))
+}
+
 fn alone(parser: &mut lexopt::Parser, command: Command) -> anyhow::Result<Command> {
     match parser.next()? {
         None => Ok(command),
@@ -139,6 +168,21 @@ mod tests {
             read("fixtures --check").unwrap(),
             Command::Fixtures { check: true }
         );
+        let options = |quick, seeds, out: &str| {
+            Command::SynthEval(Options {
+                quick,
+                seeds,
+                out: out.into(),
+            })
+        };
+        assert_eq!(
+            read("synth-eval").unwrap(),
+            options(false, None, "out/synth-eval")
+        );
+        assert_eq!(
+            read("synth-eval --quick --seeds 4 --out r").unwrap(),
+            options(true, Some(4), "r")
+        );
         assert_eq!(read("tidy").unwrap(), Command::Tidy);
         assert_eq!(read("ci --help").unwrap(), Command::Help);
     }
@@ -155,6 +199,8 @@ mod tests {
             ("scene --out x --noise-px", "--noise-px"),
             ("tidy up", "up"),
             ("fixtures --all", "--all"),
+            ("synth-eval --seeds 0", "--seeds"),
+            ("synth-eval --fast", "--fast"),
         ] {
             let message = read(line).unwrap_err().to_string();
             assert!(

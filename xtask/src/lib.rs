@@ -4,6 +4,7 @@ pub mod ci;
 pub mod fixtures;
 pub mod flags;
 pub mod scene;
+pub mod synth_eval;
 pub mod tidy;
 
 use std::path::{Path, PathBuf};

@@ -8,7 +8,7 @@
 
 use std::process::ExitCode;
 use xtask::flags::{self, Command};
-use xtask::{ci, fixtures, scene::Scene, tidy, workspace_root};
+use xtask::{ci, fixtures, scene::Scene, synth_eval, tidy, workspace_root};
 
 fn main() -> ExitCode {
     let command = match flags::parse(std::env::args_os().skip(1)) {
@@ -36,6 +36,10 @@ fn run(command: Command) -> anyhow::Result<()> {
         }
         Command::Fixtures { check: true } => fixtures::check(&workspace_root())?,
         Command::Fixtures { check: false } => fixtures::write(&workspace_root())?,
+        Command::SynthEval(options) => {
+            let table = synth_eval::run(&options, &|line| eprintln!("{line}"))?;
+            print!("{table}");
+        }
         Command::Tidy => tidy::run(&workspace_root())?,
         Command::Ci => ci::run(&workspace_root())?,
     }

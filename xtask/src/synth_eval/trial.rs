@@ -1,0 +1,208 @@
+//! One estimator on one recording.
+
+use super::estimator::Estimator;
+use super::measures::{landmark_errors, nees, path_errors};
+use super::recording::{Recording, camera_file};
+use anyhow::Context;
+use nalgebra::Matrix3;
+use serde::Serialize;
+use slam_pipeline::evaluation::Statistics;
+use slam_pipeline::odometry::Odometer;
+use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+use slam_pipeline::run::camera_of;
+use slam_pipeline::slam::{FrameInput, Slam};
+use std::time::Instant;
+
+/// One line of `results.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// Seed of scene and filter.
+    pub seed: u64,
+    /// [`Estimator::label`].
+    pub estimator: String,
+    /// Number of particles; 0 for dead reckoning.
+    pub particles: u32,
+    /// Root mean square position error without alignment, metres.
+    pub position_rmse_m: f64,
+    /// Position error of the last frame, metres.
+    pub final_error_m: f64,
+    /// Root mean square heading error, radians.
+    pub heading_rmse_rad: f64,
+    /// Relative error of the path's scale; positive is too long.
+    pub scale_error: f64,
+    /// Root mean square landmark error, metres; none without a map.
+    pub landmark_rmse_m: Option<f64>,
+    /// Median landmark error, metres.
+    pub landmark_median_m: Option<f64>,
+    /// Landmarks in the final map.
+    pub landmarks: usize,
+    /// Normalised estimation error squared of each frame after the first.
+    pub nees: Vec<f64>,
+    /// Filter steps.
+    pub steps: usize,
+    /// Mean effective number of particles before resampling, over the filter steps.
+    pub n_eff: Option<f64>,
+    /// Steps that resampled.
+    pub resamplings: usize,
+    /// Mean matches used in a frame.
+    pub matches: f64,
+    /// Mean time of a frame after detection, milliseconds of one thread.
+    pub frame_ms: Option<f64>,
+}
+
+impl Row {
+    /// Mean NEES over the frames.
+    pub fn mean_nees(&self) -> f64 {
+        self.nees.iter().sum::<f64>() / self.nees.len() as f64
+    }
+}
+
+/// A run with what a figure draws of it.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Its figures.
+    pub row: Row,
+    /// Estimated poses, one a frame.
+    pub poses: Vec<PlanarPose>,
+    /// Final map.
+    pub landmarks: Vec<LandmarkRecord>,
+}
+
+/// What an estimator leaves behind.
+#[derive(Debug, Default)]
+struct Track {
+    poses: Vec<PlanarPose>,
+    covariances: Vec<Matrix3<f64>>,
+    landmarks: Vec<LandmarkRecord>,
+    n_eff: Vec<f64>,
+    resamplings: usize,
+    matches: usize,
+    frame_ms: Option<f64>,
+}
+
+/// Runs an estimator on a recording, on the current thread.
+///
+/// # Errors
+/// The filter refuses the configuration or a frame.
+pub fn run(estimator: Estimator, recording: &Recording) -> anyhow::Result<Trial> {
+    let spec = recording.scene.spec();
+    let label = estimator.label();
+    let track = match estimator {
+        Estimator::DeadReckoning => dead_reckoning(estimator, recording),
+        Estimator::Filter { .. } => filter(estimator, recording),
+    }
+    .with_context(|| format!("seed {}, {label}", spec.seed))?;
+    let truth = &recording.scene.path().poses;
+    let errors = path_errors(&track.poses, truth).context("a scene without frames")?;
+    let of_landmarks = Statistics::of(&landmark_errors(&track.landmarks, recording));
+    let row = Row {
+        seed: spec.seed,
+        estimator: label,
+        particles: estimator.particles(),
+        position_rmse_m: errors.position_rmse_m,
+        final_error_m: errors.final_m,
+        heading_rmse_rad: errors.heading_rmse_rad,
+        scale_error: errors.scale_error,
+        landmark_rmse_m: of_landmarks.map(|s| s.rmse),
+        landmark_median_m: of_landmarks.map(|s| s.median),
+        landmarks: track.landmarks.len(),
+        nees: nees(&track.poses, &track.covariances, truth),
+        steps: track.n_eff.len(),
+        n_eff: Statistics::of(&track.n_eff).map(|s| s.mean),
+        resamplings: track.resamplings,
+        matches: track.matches as f64 / truth.len() as f64,
+        frame_ms: track.frame_ms,
+    };
+    Ok(Trial {
+        row,
+        poses: track.poses,
+        landmarks: track.landmarks,
+    })
+}
+
+fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> {
+    let spec = recording.scene.spec();
+    let config = estimator.config(spec.seed, &spec.odometry).check()?;
+    let (camera, mount) = camera_of(&camera_file())?;
+    let body_from_camera = mount.body_from_camera;
+    let mut slam = Slam::new(
+        camera,
+        body_from_camera.rotation.matrix(),
+        &body_from_camera.translation,
+        &config,
+    )?;
+    let start = Instant::now();
+    let clock = || start.elapsed().as_secs_f64();
+    let mut track = Track::default();
+    for (frame, features) in recording.features.iter().enumerate() {
+        let input = FrameInput {
+            features,
+            odometry: &recording.odometry[frame],
+        };
+        let outcome = slam.step(&input, &clock)?;
+        track.poses.push(outcome.pose);
+        track.covariances.push(outcome.covariance);
+        track.matches += outcome.matches;
+        if frame > 0 && outcome.keyframe {
+            track.n_eff.push(outcome.n_eff);
+            track.resamplings += usize::from(outcome.resampled);
+        }
+    }
+    track.frame_ms = Some(clock() * 1e3 / recording.features.len() as f64);
+    track.landmarks = slam.landmarks();
+    Ok(track)
+}
+
+/// Odometry alone, with the covariance its noise implies, the constant scale error included.
+fn dead_reckoning(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> {
+    let spec = recording.scene.spec();
+    let config = estimator.config(spec.seed, &spec.odometry).check()?;
+    let mut odometer = Odometer::new(&config.odometry);
+    let mut track = Track::default();
+    for intervals in &recording.odometry {
+        for interval in intervals {
+            odometer.push(interval)?;
+        }
+        let control = odometer.control();
+        let [x, y, phi] = control.increment;
+        let along = nalgebra::Vector3::new(x, y, 0.0) * config.odometry.scale_bias;
+        track.poses.push(PlanarPose { x, y, phi });
+        track
+            .covariances
+            .push(control.covariance + along * along.transpose());
+    }
+    Ok(track)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::SceneSpec;
+    use crate::scene::trajectory::OdometryNoise;
+    use slam_pipeline::config::Method;
+
+    #[test]
+    fn perfect_odometry_reckons_the_truth_and_a_filter_keeps_it() {
+        let recording = Recording::new(SceneSpec {
+            frames: 5,
+            odometry: OdometryNoise::NONE,
+            ..SceneSpec::wall(2)
+        })
+        .unwrap();
+        let reckoned = run(Estimator::DeadReckoning, &recording).unwrap().row;
+        assert!(reckoned.position_rmse_m < 1e-9 && reckoned.scale_error.abs() < 1e-9);
+        assert_eq!((reckoned.landmarks, reckoned.landmark_rmse_m), (0, None));
+
+        let conventional = Estimator::Filter {
+            method: Method::Conventional,
+            particles: 5,
+        };
+        // Without odometry noise the particles of this filter never leave the true path, so
+        // its landmarks show the accuracy of triangulation: the wall is at 2 m.
+        let row = run(conventional, &recording).unwrap().row;
+        assert!(row.position_rmse_m < 1e-6, "{row:?}");
+        assert!(row.landmarks > 20, "{row:?}");
+        assert!(row.landmark_median_m.unwrap() < 0.1, "{row:?}");
+        assert_eq!(row.nees.len(), 4);
+    }
+}
