@@ -1,6 +1,6 @@
 //! The committed fixtures and the proof that they are what this tree makes.
 //!
-//! `fixtures/wall` is a short wall sequence. `manifest.txt` beside it lists the
+//! `fixtures/wall` is a short wall sequence with its golden results. `manifest.txt` beside it lists the
 //! FNV-1a hash and the path of every file, sorted. `write` renders anew and rewrites the manifest; `check`
 //! renders into a folder of its own and compares three things: the manifest, the
 //! committed files, the fresh files. Files added to the folder by other
@@ -8,6 +8,10 @@
 
 use crate::scene::{Scene, SceneSpec};
 use anyhow::{Context, ensure};
+use slam_pipeline::config::Config;
+use slam_pipeline::output::write_run;
+use slam_pipeline::run::run_sequence;
+use slam_pipeline::sequence::Sequence;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -17,6 +21,8 @@ use std::path::{Path, PathBuf};
 const WALL_SEED: u64 = 2006;
 /// Frames of the committed wall.
 const WALL_FRAMES: usize = 20;
+/// Results kept of the run on the wall.
+const GOLDEN: [&str; 2] = ["trajectory.tum", "covariance.csv"];
 /// The manifest's name; it does not list itself.
 const MANIFEST: &str = "manifest.txt";
 
@@ -78,9 +84,20 @@ pub fn check(root: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Everything `fixtures/wall` holds except the manifest, into an empty folder.
+/// Everything `fixtures/wall` holds except the manifest, into an empty folder:
+/// the sequence, and in `golden/` what the default configuration makes of it.
 fn generate(folder: &Path) -> anyhow::Result<()> {
-    Scene::new(wall_spec())?.write(folder)
+    Scene::new(wall_spec())?.write(folder)?;
+    let config = Config::default().check()?;
+    let record = run_sequence(&Sequence::open(folder)?, &config, &|| 0.0, &mut |_| {})?;
+    let whole = folder.join("run");
+    write_run(&record, &whole)?;
+    let golden = folder.join("golden");
+    fs::create_dir_all(&golden)?;
+    for name in GOLDEN {
+        fs::copy(whole.join(name), golden.join(name))?;
+    }
+    fs::remove_dir_all(&whole).context("cannot remove the run behind the golden results")
 }
 
 /// Hash of each file below a folder by its path with forward slashes.

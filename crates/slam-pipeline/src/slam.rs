@@ -107,6 +107,7 @@ pub struct FrameOutcome {
 /// The SLAM system.
 pub struct Slam {
     camera: Camera,
+    position_in_body: Vector3<f64>,
     config: ValidConfig,
     proposal: PoseProposal,
     evolution: Evolution,
@@ -251,6 +252,7 @@ impl Slam {
             odometer: Odometer::new(&config.odometry, method == Method::Paper),
             drift: Drift::default(),
             camera,
+            position_in_body: *position_in_body,
             config: config.clone(),
             filter,
             frame: 0,

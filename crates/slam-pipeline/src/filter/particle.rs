@@ -158,12 +158,12 @@ impl Particle {
     /// World position and covariance of a landmark in metres; `None` while its
     /// depth is not positive.
     ///
-    /// Lengths are converted at the anchor with the particle's present scale.
+    /// `mount` is the camera's position in the body, metres. Lengths are converted at the anchor with the particle's present scale.
     #[must_use]
     pub fn metric_point(
         &self,
         landmark: &Landmark,
-        lever: &Vector2<f64>,
+        mount: &Vector3<f64>,
     ) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let anchor = match landmark.anchor() {
             Some(a) => Some(self.path.get(a as usize)?),
@@ -175,9 +175,10 @@ impl Particle {
         };
         let (sin, cos) = keyframe.body.phi.sin_cos();
         let camera_metric = Vector3::new(
-            keyframe.body.x + cos * lever.x - sin * lever.y,
-            keyframe.body.y + sin * lever.x + cos * lever.y,
-            keyframe.camera.centre.z * keyframe.scale,
+            keyframe.body.x + cos * mount.x - sin * mount.y,
+            keyframe.body.y + sin * mount.x + cos * mount.y,
+            // The path starts at the mount's height, which is in metres already.
+            mount.z + (keyframe.camera.centre.z - mount.z) * keyframe.scale,
         );
         let s = self.metric.mean.x;
         Some((

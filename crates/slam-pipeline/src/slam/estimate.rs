@@ -127,8 +127,7 @@ impl Slam {
             .filter(|(_, e)| e.stage == Stage::Mapped)
             .filter_map(|(id, entry)| {
                 let landmark = best.map.get(id)?;
-                let (position, covariance) =
-                    best.metric_point(landmark, &self.proposal.carrier.lever_m)?;
+                let (position, covariance) = best.metric_point(landmark, &self.position_in_body)?;
                 Some(LandmarkRecord {
                     id,
                     position,
