@@ -21,7 +21,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let clock = || started.elapsed().as_secs_f64();
     let run = run_sequence(&sequence, &Config::default().check()?, &clock, &mut |p| {
         if p.frame == p.frames || p.frame % 10 == 0 {
-            println!("frame {} of {}, {} landmarks", p.frame, p.frames, p.landmarks);
+            println!(
+                "frame {} of {}, {} landmarks",
+                p.frame, p.frames, p.landmarks
+            );
         }
     })?;
     write_run(&run, &out)?;

@@ -83,7 +83,9 @@ pub(crate) fn random_pose(rng: &mut ChaCha8Rng) -> CameraPose {
 /// A pose a few decimetres and hundredths of a radian from `from`.
 pub(crate) fn near(rng: &mut ChaCha8Rng, from: &CameraPose) -> CameraPose {
     let spread = PoseStep::from([0.2, 0.2, 0.05, 0.1, 0.02, 0.02]);
-    from.retract(&PoseStep::from_fn(|i, _| spread[i] * uniform(rng, -1.0, 1.0)))
+    from.retract(&PoseStep::from_fn(|i, _| {
+        spread[i] * uniform(rng, -1.0, 1.0)
+    }))
 }
 
 pub(crate) fn place(pose: &CameraPose) -> PlacedCamera {

@@ -55,25 +55,40 @@ fn parameter_jacobian_is_the_central_difference() {
         let camera = place(&near(&mut rng, &from));
         let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
         // Every fifth landmark at infinity.
-        let rho = if case % 5 == 0 { 0.0 } else { uniform(&mut rng, 0.0, 0.8) };
-        let (geometry, mean) = if case % 2 == 0 {
-            (LandmarkGeometry::new(Some(&anchor)), Vector3::new(a, b, rho))
+        let rho = if case % 5 == 0 {
+            0.0
         } else {
-            (LandmarkGeometry::new(None), ahead(&anchor, a, b, 1.0 / (rho + 0.1)))
+            uniform(&mut rng, 0.0, 0.8)
         };
-        let analytic = lens().parameter_jacobian(&camera, &geometry, &mean).unwrap();
+        let (geometry, mean) = if case % 2 == 0 {
+            (
+                LandmarkGeometry::new(Some(&anchor)),
+                Vector3::new(a, b, rho),
+            )
+        } else {
+            (
+                LandmarkGeometry::new(None),
+                ahead(&anchor, a, b, 1.0 / (rho + 0.1)),
+            )
+        };
+        let analytic = lens()
+            .parameter_jacobian(&camera, &geometry, &mean)
+            .unwrap();
         const H: f64 = 1e-6;
         let mut numeric = Matrix2x3::zeros();
         for j in 0..3 {
             let mut step = Vector3::zeros();
             step[j] = H;
-            let difference =
-                project(&camera, &geometry, &(mean + step)) - project(&camera, &geometry, &(mean - step));
+            let difference = project(&camera, &geometry, &(mean + step))
+                - project(&camera, &geometry, &(mean - step));
             numeric.set_column(j, &(difference / (2.0 * H)));
         }
         // Rounding of pixels of size 500 over 2 H: 500 eps / 1e-6 = 1e-7; truncation is below.
         let error = (analytic - numeric).norm();
-        assert!(error < 1e-6 * (1.0 + analytic.norm()), "case {case}: {error:e}");
+        assert!(
+            error < 1e-6 * (1.0 + analytic.norm()),
+            "case {case}: {error:e}"
+        );
     }
 }
 
@@ -89,16 +104,35 @@ fn point_covariance_is_that_of_sigma_points() {
             uniform(&mut rng, 0.1, 1.0),
         );
         // Correlated, a thousandth of the mean: curvature is of order 1e-6.
-        let factor = Matrix3::new(1e-3, 0.0, 0.0, 4e-4, 9e-4, 0.0, 3e-4 * mean.z, -5e-4 * mean.z, 8e-4 * mean.z);
+        let factor = Matrix3::new(
+            1e-3,
+            0.0,
+            0.0,
+            4e-4,
+            9e-4,
+            0.0,
+            3e-4 * mean.z,
+            -5e-4 * mean.z,
+            8e-4 * mean.z,
+        );
         let covariance = factor * factor.transpose();
-        let (world, stated) = inverse_depth(mean, covariance).to_point(Some(&anchor)).unwrap();
+        let (world, stated) = inverse_depth(mean, covariance)
+            .to_point(Some(&anchor))
+            .unwrap();
         assert!((world - ahead(&anchor, mean.x, mean.y, 1.0 / mean.z)).norm() < 1e-12);
-        let moments = unscented_transform(&mean, &covariance, &SigmaPoints::default(), |m: &Vector3<f64>| {
-            ahead(&anchor, m.x, m.y, 1.0 / m.z)
-        })
+        let moments = unscented_transform(
+            &mean,
+            &covariance,
+            &SigmaPoints::default(),
+            |m: &Vector3<f64>| ahead(&anchor, m.x, m.y, 1.0 / m.z),
+        )
         .unwrap();
         let error = (stated - moments.covariance).norm();
-        assert!(error < 1e-5 * stated.norm(), "{error:e} of {:e}", stated.norm());
+        assert!(
+            error < 1e-5 * stated.norm(),
+            "{error:e} of {:e}",
+            stated.norm()
+        );
     }
     let camera = place(&pose(0.0, 0.0, 0.0));
     for rho in [0.0, -0.1] {
@@ -151,7 +185,11 @@ fn refocus_projects_nearest_to_the_pixel() {
         };
         let refocused = lens().refocus(&camera, &geometry, &mean, &pixel, highest);
         assert_eq!(refocused.xy(), mean.xy());
-        assert!((0.0..=highest).contains(&refocused.z), "case {case}: {}", refocused.z);
+        assert!(
+            (0.0..=highest).contains(&refocused.z),
+            "case {case}: {}",
+            refocused.z
+        );
         let at = project(&camera, &geometry, &refocused);
         let best = nearest_by_search(&camera, &geometry, &mean, &pixel, highest).unwrap();
         let distance = (at - pixel).norm();
@@ -166,7 +204,10 @@ fn refocus_projects_nearest_to_the_pixel() {
             clamped += 1;
         }
     }
-    assert!(inside > 100 && clamped > 100, "{inside} inside, {clamped} at an end");
+    assert!(
+        inside > 100 && clamped > 100,
+        "{inside} inside, {clamped} at an end"
+    );
 }
 
 #[test]
@@ -178,24 +219,36 @@ fn refocus_leaves_what_has_no_line() {
     let geometry = LandmarkGeometry::new(Some(&at));
     assert_eq!(lens().refocus(&at, &geometry, &mean, &pixel, 2.0), mean);
     let p = ahead(&at, 0.1, 0.1, 3.0);
-    assert_eq!(lens().refocus(&at, &LandmarkGeometry::new(None), &p, &pixel, 2.0), p);
+    assert_eq!(
+        lens().refocus(&at, &LandmarkGeometry::new(None), &p, &pixel, 2.0),
+        p
+    );
 }
 
 #[test]
 fn unknown_depth_lies_beyond_what_was_driven() {
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let geometry = LandmarkGeometry::new(Some(&anchor));
-    let landmark = Landmark::from_first_sighting(&lens(), 0, &Vector2::new(100.0, 50.0), 0.5, (1.25, 0.625));
+    let landmark =
+        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(100.0, 50.0), 0.5, (1.25, 0.625));
     // The camera looks along world y: two metres towards the landmark.
     let driven = landmark.in_front_of(&geometry, &Vector3::new(0.3, 2.0, 0.0));
-    assert!((driven.mean.z * 2.0 - 0.3).abs() < 1e-12, "rho {}", driven.mean.z);
+    assert!(
+        (driven.mean.z * 2.0 - 0.3).abs() < 1e-12,
+        "rho {}",
+        driven.mean.z
+    );
     assert!((driven.depth_openness() - landmark.depth_openness()).abs() < 1e-12);
     assert_eq!(driven.mean.xy(), landmark.mean.xy());
     assert_eq!(driven.covariance[(0, 0)], landmark.covariance[(0, 0)]);
     // Visible from there with all of its two-sigma range, which the prior is not.
     let far = |l: &Landmark| l.mean.z + 2.0 * l.covariance[(2, 2)].sqrt();
     assert!(far(&driven) * 2.0 < 1.0 && far(&landmark) * 2.0 > 1.0);
-    for aside in [Vector3::new(3.0, 0.0, 0.0), Vector3::new(0.0, -2.0, 0.0), Vector3::new(0.0, 0.1, 0.0)] {
+    for aside in [
+        Vector3::new(3.0, 0.0, 0.0),
+        Vector3::new(0.0, -2.0, 0.0),
+        Vector3::new(0.0, 0.1, 0.0),
+    ] {
         assert_eq!(landmark.in_front_of(&geometry, &aside), landmark);
     }
 }

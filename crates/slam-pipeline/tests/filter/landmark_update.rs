@@ -30,7 +30,17 @@ fn sideways_motion_is_linear_and_equals_kalman() {
         let camera = place(&pose(0.25, 0.0, 0.0));
         let geometry = LandmarkGeometry::new(Some(&anchor));
         let k = pinhole();
-        let factor = Matrix3::new(2e-3, 0.0, 0.0, 1e-3, 2e-3, 0.0, 0.3 * sigma_rho, -0.2 * sigma_rho, sigma_rho);
+        let factor = Matrix3::new(
+            2e-3,
+            0.0,
+            0.0,
+            1e-3,
+            2e-3,
+            0.0,
+            0.3 * sigma_rho,
+            -0.2 * sigma_rho,
+            sigma_rho,
+        );
         let prior = inverse_depth(Vector3::new(0.1, -0.05, 0.8), factor * factor.transpose());
         // The camera moves to its right: what is seen moves left.
         let h = Matrix2x3::new(k.fx, 0.0, -0.25 * k.fx, 0.0, k.fy, 0.0);
@@ -41,7 +51,13 @@ fn sideways_motion_is_linear_and_equals_kalman() {
         let mean = prior.mean + gain * innovation;
         let covariance = prior.covariance - gain * s * gain.transpose();
         let updated = filter()
-            .update(&camera, &geometry, &prior, &(predicted + innovation), VARIANCE)
+            .update(
+                &camera,
+                &geometry,
+                &prior,
+                &(predicted + innovation),
+                VARIANCE,
+            )
             .unwrap();
         assert_eq!(updated.parametrisation, prior.parametrisation);
         assert!((updated.mean - mean).norm() < 1e-9, "sigma_rho {sigma_rho}");
@@ -54,7 +70,10 @@ fn far_innovation_is_gated() {
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let camera = place(&pose(0.25, 0.0, 0.0));
     let geometry = LandmarkGeometry::new(Some(&anchor));
-    let prior = inverse_depth(Vector3::new(0.0, 0.0, 0.5), Matrix3::from_diagonal_element(1e-8));
+    let prior = inverse_depth(
+        Vector3::new(0.0, 0.0, 0.5),
+        Matrix3::from_diagonal_element(1e-8),
+    );
     let predicted = project(&camera, &geometry, &prior.mean);
     let at = |dy: f64| {
         let pixel = predicted + Vector2::new(0.0, dy * SIGMA_PX);
@@ -66,7 +85,12 @@ fn far_innovation_is_gated() {
 
 /// Maximum a posteriori inverse depth: for every depth on a grid the best (alpha, beta) by
 /// Gauss-Newton, and the depth of least cost.
-fn map_by_search(camera: &PlacedCamera, geometry: &LandmarkGeometry, prior: &Landmark, pixel: &Vector2<f64>) -> f64 {
+fn map_by_search(
+    camera: &PlacedCamera,
+    geometry: &LandmarkGeometry,
+    prior: &Landmark,
+    pixel: &Vector2<f64>,
+) -> f64 {
     const STEPS: usize = 20_000;
     let sigma = prior.covariance.diagonal().map(f64::sqrt);
     let highest = prior.mean.z + 4.0 * sigma.z;
@@ -106,7 +130,11 @@ fn open_depth_finds_the_maximum_a_posteriori() {
         let from = pose(0.0, 0.0, 0.0);
         let anchor = place(&from);
         // Sideways, towards the scene (world y) and turned: the pixel is far from linear in the depth.
-        let mut to = pose(uniform(&mut rng, 0.15, 0.4), uniform(&mut rng, -0.1, 0.15), uniform(&mut rng, -0.1, 0.1));
+        let mut to = pose(
+            uniform(&mut rng, 0.15, 0.4),
+            uniform(&mut rng, -0.1, 0.15),
+            uniform(&mut rng, -0.1, 0.1),
+        );
         to.centre.z = uniform(&mut rng, -0.02, 0.02);
         let camera = place(&to);
         let geometry = LandmarkGeometry::new(Some(&anchor));
@@ -123,7 +151,11 @@ fn open_depth_finds_the_maximum_a_posteriori() {
         let best = map_by_search(&camera, &geometry, &prior, &pixel);
         // The grid's step is 1.9e-4; the mean of a skewed posterior is not its mode.
         let off = (updated.mean.z - best).abs();
-        assert!(off < 0.1 * sigma + 2e-4, "case {case}: {} against {best}, sigma {sigma}", updated.mean.z);
+        assert!(
+            off < 0.1 * sigma + 2e-4,
+            "case {case}: {} against {best}, sigma {sigma}",
+            updated.mean.z
+        );
         compared += 1;
     }
     assert!(compared >= 57, "{compared} of 60 within the gate of 1e-4");
@@ -143,7 +175,9 @@ fn far_points(widened: bool) -> (f64, f64) {
         for _ in 0..POINTS {
             let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
             let p = ahead(&anchor, a, b, 1.0 / truth);
-            let mut seen = |c: &PlacedCamera| pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+            let mut seen = |c: &PlacedCamera| {
+                pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
+            };
             let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
             let pixel = seen(&camera);
             let updated = if widened {
@@ -165,10 +199,18 @@ fn far_points(widened: bool) -> (f64, f64) {
 
 #[test]
 fn far_points_are_not_drawn_nearer() {
+    // Measured: -1.5e-4 +- 1.4e-4 1/m with the prior widened eightfold for the first update; with the
+    // width of the search +8.9e-4 +- 1.4e-4, drawn from 8 m to 7.94 m by a prior centred at 0.8 m.
     let (bias, error) = far_points(true);
-    assert!(bias.abs() < 4.0 * error, "widened: {bias:e}, standard error {error:e}");
+    assert!(
+        bias.abs() < 4.0 * error,
+        "widened: {bias:e}, standard error {error:e}"
+    );
     let (bias, error) = far_points(false);
-    assert!(bias > 4.0 * error, "search prior: {bias:e}, standard error {error:e}");
+    assert!(
+        bias > 4.0 * error,
+        "search prior: {bias:e}, standard error {error:e}"
+    );
 }
 
 #[test]
@@ -181,10 +223,12 @@ fn covariance_stays_positive_definite() {
         let geometry = LandmarkGeometry::new(Some(&anchor));
         let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
         let p = ahead(&anchor, a, b, uniform(&mut rng, 0.8, 50.0));
-        let mut landmark = Landmark::from_first_sighting(&lens(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
+        let mut landmark =
+            Landmark::from_first_sighting(&lens(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
         for _ in 0..20 {
             let camera = place(&near(&mut rng, &from));
-            let pixel = pixel_of(&camera, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+            let pixel =
+                pixel_of(&camera, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
             match filter().update(&camera, &geometry, &landmark, &pixel, VARIANCE) {
                 Some(next) => {
                     assert_eq!(next.covariance, next.covariance.transpose());
@@ -215,19 +259,27 @@ fn errors_are_as_large_as_the_covariance_says() {
             uniform(&mut rng, 0.05, 1.0),
         );
         let p = ahead(&anchor, truth.x, truth.y, 1.0 / truth.z);
-        let mut seen = |c: &PlacedCamera| pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+        let mut seen = |c: &PlacedCamera| {
+            pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
+        };
         let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
         let at = |i: f64| place(&pose(0.1 * i, 0.01 * i, 0.02 * i));
-        let Some(mut landmark) = filter().first(&at(1.0), &geometry, &prior, &seen(&at(1.0)), VARIANCE) else {
+        let Some(mut landmark) =
+            filter().first(&at(1.0), &geometry, &prior, &seen(&at(1.0)), VARIANCE)
+        else {
             continue;
         };
         for i in 2..6 {
             let camera = at(f64::from(i));
-            if let Some(next) = filter().update(&camera, &geometry, &landmark, &seen(&camera), VARIANCE) {
+            if let Some(next) =
+                filter().update(&camera, &geometry, &landmark, &seen(&camera), VARIANCE)
+            {
                 landmark = next;
             }
         }
-        values.push(normalized_error_squared(&(landmark.mean - truth), &landmark.covariance).unwrap());
+        values.push(
+            normalized_error_squared(&(landmark.mean - truth), &landmark.covariance).unwrap(),
+        );
     }
     assert!(values.len() > 395);
     let verdict = assess_consistency(values, 3, 0.999).unwrap();

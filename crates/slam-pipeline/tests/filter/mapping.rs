@@ -5,7 +5,9 @@ use rbpf_core::MapUpdate;
 use slam_pipeline::filter::landmark::{Landmark, Parametrisation};
 use slam_pipeline::filter::landmark_update::LandmarkUpdate;
 use slam_pipeline::filter::mapping::{Mapping, two_view};
-use slam_pipeline::filter::observation::{FrameObservation, Initialisation, MatchedFeature, Scoring};
+use slam_pipeline::filter::observation::{
+    FrameObservation, Initialisation, MatchedFeature, Scoring,
+};
 use slam_pipeline::filter::particle::{Keyframe, Particle};
 use slam_pipeline::filter::pose::CameraPose;
 use slam_pipeline::record::PlanarPose;
@@ -18,7 +20,11 @@ const SIGMA_PX: f64 = 0.5;
 fn keyframe(pose: &CameraPose) -> Keyframe {
     Keyframe {
         camera: place(pose),
-        body: PlanarPose { x: pose.centre.x, y: pose.centre.y, phi: pose.phi },
+        body: PlanarPose {
+            x: pose.centre.x,
+            y: pose.centre.y,
+            phi: pose.phi,
+        },
         scale: 1.0,
     }
 }
@@ -34,7 +40,10 @@ fn two_keyframes() -> Particle {
 fn mapping(delayed: Option<f64>) -> Mapping {
     Mapping {
         body_from_camera: sideways(),
-        update: LandmarkUpdate { lens: lens(), points: SigmaPoints::default() },
+        update: LandmarkUpdate {
+            lens: lens(),
+            points: SigmaPoints::default(),
+        },
         delayed,
     }
 }
@@ -66,10 +75,23 @@ fn two_views_meet_in_the_point() {
     assert_eq!(landmark.parametrisation, Parametrisation::Point);
     assert!((landmark.mean - at).norm() < 1e-9, "{}", landmark.mean);
     // Rays that part do not meet in front.
-    let apart = Initialisation { second: new.second + Vector2::new(200.0, 0.0), ..new };
+    let apart = Initialisation {
+        second: new.second + Vector2::new(200.0, 0.0),
+        ..new
+    };
     assert!(two_view(&lens(), &p, &apart).is_none());
     // An anchor that is not in the path.
-    assert!(two_view(&lens(), &p, &Initialisation { first: (7, new.second), ..new }).is_none());
+    assert!(
+        two_view(
+            &lens(),
+            &p,
+            &Initialisation {
+                first: (7, new.second),
+                ..new
+            }
+        )
+        .is_none()
+    );
 }
 
 #[test]
@@ -84,7 +106,8 @@ fn two_view_errors_are_as_large_as_their_covariance() {
             uniform(&mut rng, -0.2, 0.2),
             uniform(&mut rng, 1.0, 3.0),
         );
-        let mut noisy = |pixel: Vector2<f64>| pixel + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+        let mut noisy =
+            |pixel: Vector2<f64>| pixel + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
         let new = Initialisation {
             id: 0,
             first: (0, noisy(view(&p, 0, &at))),
@@ -105,7 +128,9 @@ fn landmarks_not_measured_stay_where_they_are_in_memory() {
     let mut before = two_keyframes();
     for id in 0..160 {
         let at = ahead(&place(&before.pose), 0.001 * f64::from(id), 0.0, 3.0);
-        let _ = before.map.insert(id, point(at, Matrix3::from_diagonal_element(1e-4)));
+        let _ = before
+            .map
+            .insert(id, point(at, Matrix3::from_diagonal_element(1e-4)));
     }
     let mut after = before.clone();
     let measured = after.map.get(37).unwrap().mean;
@@ -133,7 +158,8 @@ fn landmarks_not_measured_stay_where_they_are_in_memory() {
 fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     let p = two_keyframes();
     let at = ahead(&p.path.get(0).unwrap().camera, 0.1, 0.1, 2.0);
-    let prototype = Landmark::from_first_sighting(&lens(), 0, &view(&p, 0, &at), SIGMA_PX, (1.25, 0.625));
+    let prototype =
+        Landmark::from_first_sighting(&lens(), 0, &view(&p, 0, &at), SIGMA_PX, (1.25, 0.625));
     let observation = FrameObservation {
         matches: vec![MatchedFeature {
             id: 5,
@@ -149,17 +175,29 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     let landmark = *started.map.get(5).unwrap();
     assert_eq!(landmark.anchor(), Some(0));
     assert!((landmark.mean.z - 0.5).abs() < 4.0 * landmark.covariance[(2, 2)].sqrt());
-    assert!(landmark.depth_openness() < 0.05, "{}", landmark.depth_openness());
+    assert!(
+        landmark.depth_openness() < 0.05,
+        "{}",
+        landmark.depth_openness()
+    );
     // In metres: the scale stretches the world about the anchor.
     started.metric.mean.x = 1.1;
     let (point, covariance) = started.metric_point(&landmark, &Vector2::zeros()).unwrap();
-    let (unit_point, unit_covariance) = landmark.to_point(Some(&p.path.get(0).unwrap().camera)).unwrap();
+    let (unit_point, unit_covariance) = landmark
+        .to_point(Some(&p.path.get(0).unwrap().camera))
+        .unwrap();
     assert!((point - unit_point * 1.1).norm() < 1e-12);
     assert!((covariance - unit_covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.
     let mut waiting = p.clone();
     let Ok(()) = mapping(Some(0.02)).update_map(&mut waiting, &observation);
     assert!(!waiting.map.contains(5));
-    let Ok(()) = mapping(None).update_map(&mut started, &FrameObservation { removed: vec![5], ..nothing() });
+    let Ok(()) = mapping(None).update_map(
+        &mut started,
+        &FrameObservation {
+            removed: vec![5],
+            ..nothing()
+        },
+    );
     assert!(!started.map.contains(5));
 }

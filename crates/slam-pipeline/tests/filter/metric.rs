@@ -7,7 +7,10 @@ use slam_pipeline::filter::particle::{MetricState, Particle};
 use crate::common::*;
 
 fn open_scale(lever: Vector2<f64>, scale_sigma: f64) -> CarrierModel {
-    CarrierModel { scale_sigma, ..planar_carrier(lever) }
+    CarrierModel {
+        scale_sigma,
+        ..planar_carrier(lever)
+    }
 }
 
 #[test]
@@ -39,11 +42,17 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
     let (mean, sigma) = (vector / information, (1.0 / information).sqrt());
     let got = p.metric;
     assert!(sigma < 0.02 / 30.0, "the steps tell much: {sigma:e}");
-    assert!((got.mean.x - mean).abs() < 0.05 * sigma, "{} against {mean}, sigma {sigma:e}", got.mean.x);
+    assert!(
+        (got.mean.x - mean).abs() < 0.05 * sigma,
+        "{} against {mean}, sigma {sigma:e}",
+        got.mean.x
+    );
     assert!((got.covariance[(0, 0)].sqrt() / sigma - 1.0).abs() < 0.01);
     // Given the path, the position is the scale times the path: fully correlated with it.
     assert!((got.mean.y - got.mean.x * floor_free).abs() < 1e-9);
-    assert!((got.covariance[(1, 1)].sqrt() - floor_free * got.covariance[(0, 0)].sqrt()).abs() < 1e-9);
+    assert!(
+        (got.covariance[(1, 1)].sqrt() - floor_free * got.covariance[(0, 0)].sqrt()).abs() < 1e-9
+    );
     assert!(got.covariance[(2, 2)].abs() < 1e-18);
 }
 
@@ -54,9 +63,15 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
     let model = planar_carrier(lever);
     let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.0));
     for _ in 0..100 {
-        let d = [uniform(&mut rng, 0.0, 0.3), 0.0, uniform(&mut rng, -0.4, 0.4)];
+        let d = [
+            uniform(&mut rng, 0.0, 0.3),
+            0.0,
+            uniform(&mut rng, -0.4, 0.4),
+        ];
         let prior = model.prior(&p, &control(d, [0.02, 0.01, 0.05]));
-        let next = prior.mean.retract(&(prior.factor * nalgebra::SVector::from_fn(|_, _| normal(&mut rng))));
+        let next = prior
+            .mean
+            .retract(&(prior.factor * nalgebra::SVector::from_fn(|_, _| normal(&mut rng))));
         p.metric = p.metric.condition_on_pose(&prior, &next);
         p.pose = next;
         let (sin, cos) = next.phi.sin_cos();
@@ -90,10 +105,17 @@ fn turning_in_place_moves_the_camera_and_not_the_body() {
 fn covariance_stays_positive_over_a_thousand_steps() {
     let mut rng = rng(23);
     let lever = Vector2::new(0.2, 0.1);
-    let model = CarrierModel { scale_drift: 0.01, ..open_scale(lever, 0.05) };
+    let model = CarrierModel {
+        scale_drift: 0.01,
+        ..open_scale(lever, 0.05)
+    };
     let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.05));
     for step in 0..1000 {
-        let d = [uniform(&mut rng, 0.0, 0.3), 0.0, uniform(&mut rng, -0.3, 0.3)];
+        let d = [
+            uniform(&mut rng, 0.0, 0.3),
+            0.0,
+            uniform(&mut rng, -0.3, 0.3),
+        ];
         let prior = model.prior(&p, &control(d, [0.05 * d[0], 1e-3, 0.012]));
         // Images leave a tenth of the prior's spread.
         let noise = nalgebra::SVector::from_fn(|_, _| 0.1 * normal(&mut rng));
@@ -103,8 +125,15 @@ fn covariance_stays_positive_over_a_thousand_steps() {
         let covariance = p.metric.covariance;
         assert_eq!(covariance, covariance.transpose(), "step {step}");
         let lowest = covariance.symmetric_eigenvalues().min();
-        assert!(lowest > -1e-14 * covariance.norm(), "step {step}: {lowest:e}");
+        assert!(
+            lowest > -1e-14 * covariance.norm(),
+            "step {step}: {lowest:e}"
+        );
         assert!(covariance[(0, 0)] > 0.0 && covariance.iter().all(|v| v.is_finite()));
-        assert!((0.5..2.0).contains(&p.metric.mean.x), "step {step}: scale {}", p.metric.mean.x);
+        assert!(
+            (0.5..2.0).contains(&p.metric.mean.x),
+            "step {step}: scale {}",
+            p.metric.mean.x
+        );
     }
 }

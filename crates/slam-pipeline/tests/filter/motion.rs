@@ -81,8 +81,24 @@ fn covariance_is_that_of_odometry_and_scale() {
                 let d = [0.4 + noise[0], 0.02 + noise[1], 0.3 + noise[2]];
                 // The particle's unit is scale metres, whatever the true factor: only the step is scaled.
                 let s = scale + drifted * normal(&mut rng);
-                let unit = moved(&CameraPose { centre: SVector::zeros(), ..p.pose }, &LEVER, 1.0, d);
-                let rest = moved(&CameraPose { centre: SVector::zeros(), ..p.pose }, &LEVER, 1.0, [0.0; 3]);
+                let unit = moved(
+                    &CameraPose {
+                        centre: SVector::zeros(),
+                        ..p.pose
+                    },
+                    &LEVER,
+                    1.0,
+                    d,
+                );
+                let rest = moved(
+                    &CameraPose {
+                        centre: SVector::zeros(),
+                        ..p.pose
+                    },
+                    &LEVER,
+                    1.0,
+                    [0.0; 3],
+                );
                 let step = Vector2::new(unit.0 - rest.0, unit.1 - rest.1) / s;
                 let drawn = CameraPose {
                     centre: p.pose.centre + step.push(0.0),
@@ -104,7 +120,10 @@ fn covariance_is_that_of_odometry_and_scale() {
         // The scale's own drift alone, and what is not told by odometry.
         assert!((prior.scale_drift_variance - drift * drift * u.distance_m).abs() < 1e-18);
         let height = model.slope_sigma * u.distance_m / scale;
-        assert!((full[(2, 2)].sqrt() / height - 1.0).abs() < 1e-3, "case {case}");
+        assert!(
+            (full[(2, 2)].sqrt() / height - 1.0).abs() < 1e-3,
+            "case {case}"
+        );
     }
 }
 
@@ -112,20 +131,29 @@ fn covariance_is_that_of_odometry_and_scale() {
 fn tilt_keeps_its_standard_deviation() {
     // keep^2 sigma^2 + added = sigma^2: the process is stationary, whatever the step.
     for dt_s in [0.01, 0.3, 4.0] {
-        let u = Control { dt_s, ..control([0.1, 0.0, 0.0], [0.01; 3]) };
+        let u = Control {
+            dt_s,
+            ..control([0.1, 0.0, 0.0], [0.01; 3])
+        };
         let mut p = particle(pose(0.0, 0.0, 0.0));
         p.pose.roll = 1.0;
         let prior = carrier().prior(&p, &u);
         let added = (prior.factor * prior.factor.transpose())[(4, 4)];
         let variance = prior.mean.roll.powi(2) * 0.006_f64.powi(2) + added;
         // The floor of a tenth of a milliradian is a 1/3600 of the variance.
-        assert!((variance / 0.006_f64.powi(2) - 1.0).abs() < 1e-3, "dt {dt_s}: {variance:e}");
+        assert!(
+            (variance / 0.006_f64.powi(2) - 1.0).abs() < 1e-3,
+            "dt {dt_s}: {variance:e}"
+        );
     }
 }
 
 fn assert_factor(name: &str, factor: &PoseMatrix) {
     for i in 0..6 {
-        assert!(factor[(i, i)] > 0.0 && factor[(i, i)].is_finite(), "{name}: row {i}");
+        assert!(
+            factor[(i, i)] > 0.0 && factor[(i, i)].is_finite(),
+            "{name}: row {i}"
+        );
         for j in i + 1..6 {
             assert_eq!(factor[(i, j)], 0.0, "{name}: not lower triangular");
         }
@@ -137,7 +165,10 @@ fn assert_factor(name: &str, factor: &PoseMatrix) {
 #[test]
 fn covariance_is_regular_at_rest_and_strictly_planar() {
     let p = particle(pose(0.3, 0.4, 3.1));
-    let rest = Control { dt_s: 0.0, ..control([0.0; 3], [0.0; 3]) };
+    let rest = Control {
+        dt_s: 0.0,
+        ..control([0.0; 3], [0.0; 3])
+    };
     let fast = control([3.0, 0.0, 0.5], [0.5, 0.1, 0.3]);
     let planar = planar_carrier(LEVER);
     for (name, model, u) in [
@@ -153,7 +184,10 @@ fn covariance_is_regular_at_rest_and_strictly_planar() {
     let prior = planar.prior(&p, &control([0.0, 0.0, 0.0], [0.0, 0.0, 0.1]));
     let covariance = prior.factor * prior.factor.transpose();
     let (sin, cos) = 3.1_f64.sin_cos();
-    let rate = Vector2::new(-sin * LEVER.x - cos * LEVER.y, cos * LEVER.x - sin * LEVER.y);
+    let rate = Vector2::new(
+        -sin * LEVER.x - cos * LEVER.y,
+        cos * LEVER.x - sin * LEVER.y,
+    );
     assert!((covariance[(0, 3)] - 0.01 * rate.x).abs() < 1e-15);
     assert!((covariance[(1, 3)] - 0.01 * rate.y).abs() < 1e-15);
     // Pinned states move by less than a micrometre.
@@ -171,7 +205,10 @@ fn log_density_is_the_quadratic_form_across_the_seam() {
         let at = prior.mean.retract(&step);
         let quadratic = step.dot(&covariance.cholesky().unwrap().solve(&step));
         let log = prior.log_density(&at);
-        assert!((log + 0.5 * quadratic).abs() < 1e-9 * (1.0 + quadratic), "{log} {quadratic}");
+        assert!(
+            (log + 0.5 * quadratic).abs() < 1e-9 * (1.0 + quadratic),
+            "{log} {quadratic}"
+        );
     }
     assert_eq!(prior.log_density(&prior.mean), 0.0);
 }

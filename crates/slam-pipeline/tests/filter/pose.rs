@@ -36,7 +36,9 @@ fn scene(seed: u64) -> Scene {
     let u = control([0.1, 0.0, 0.02], [1e-3, 1e-3, 1e-3]);
     let mut p = particle(pose(0.4, -0.3, 3.13));
     let prior = carrier.prior(&p, &u);
-    let truth = prior.mean.retract(&(prior.factor * PoseStep::from_fn(|_, _| normal(&mut rng))));
+    let truth = prior
+        .mean
+        .retract(&(prior.factor * PoseStep::from_fn(|_, _| normal(&mut rng))));
     let matches = (0..20)
         .map(|id| {
             let (a, b) = (uniform(&mut rng, -0.4, 0.4), uniform(&mut rng, -0.3, 0.3));
@@ -78,16 +80,29 @@ fn likelihood() -> Likelihood {
 }
 
 /// Jacobians and noises of all matches at the prior mean, from central differences.
-fn linearised(prior: &MotionPrior, matches: &[Option<Prepared>]) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
+fn linearised(
+    prior: &MotionPrior,
+    matches: &[Option<Prepared>],
+) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
     let n = 2 * matches.len();
-    let (mut h, mut r, mut innovation) = (DMatrix::zeros(n, 6), DMatrix::zeros(n, n), DVector::zeros(n));
+    let (mut h, mut r, mut innovation) = (
+        DMatrix::zeros(n, 6),
+        DMatrix::zeros(n, n),
+        DVector::zeros(n),
+    );
     let camera = place(&prior.mean);
     for (i, m) in matches.iter().flatten().enumerate() {
-        h.view_mut((2 * i, 0), (2, 6)).copy_from(&pose_jacobian(&prior.mean, &m.geometry, &m.mean));
-        let j = lens().parameter_jacobian(&camera, &m.geometry, &m.mean).unwrap();
-        let noise = projected_covariance(&j, &m.covariance) + nalgebra::Matrix2::identity() * m.variance_px2;
+        h.view_mut((2 * i, 0), (2, 6))
+            .copy_from(&pose_jacobian(&prior.mean, &m.geometry, &m.mean));
+        let j = lens()
+            .parameter_jacobian(&camera, &m.geometry, &m.mean)
+            .unwrap();
+        let noise = projected_covariance(&j, &m.covariance)
+            + nalgebra::Matrix2::identity() * m.variance_px2;
         r.view_mut((2 * i, 2 * i), (2, 2)).copy_from(&noise);
-        innovation.rows_mut(2 * i, 2).copy_from(&(m.pixel - project(&camera, &m.geometry, &m.mean)));
+        innovation
+            .rows_mut(2 * i, 2)
+            .copy_from(&(m.pixel - project(&camera, &m.geometry, &m.mean)));
     }
     (h, r, innovation)
 }
@@ -118,7 +133,10 @@ fn weight_is_the_evidence_whatever_the_draw() {
             kind: ProposalKind::Unscented { iterations: 2 },
             likelihood_only: false,
         };
-        let only = PoseProposal { likelihood_only: true, ..exact };
+        let only = PoseProposal {
+            likelihood_only: true,
+            ..exact
+        };
         let draw = |proposal: &PoseProposal, k: u64| {
             let mut copy = scene.particle.clone();
             let Ok(w) = proposal.propose(&mut copy, &scene.observation, &mut rng(1000 + k));
@@ -129,19 +147,36 @@ fn weight_is_the_evidence_whatever_the_draw() {
         // variance 0.25 px^2 over 40 coordinates of either sign: sqrt(40) 3e-3 0.5 / 0.25 = 0.04.
         for k in 0..40 {
             let w = draw(&exact, k);
-            assert!((w - evidence).abs() < 0.04, "seed {seed}, draw {k}: {w} against {evidence}");
+            assert!(
+                (w - evidence).abs() < 0.04,
+                "seed {seed}, draw {k}: {w} against {evidence}"
+            );
         }
         // The likelihood alone wanders with the draw, and lies above the evidence by the divergence of
         // proposal q and prior p on average: KL(q | p) = (tr C + m^2 - 6) / 2 - ln det C^(1/2), whitened by p.
         let q = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
-        let divergence = 0.5 * (q.factor.norm_squared() + q.mean.norm_squared() - 6.0) - q.log_det_factor;
+        let divergence =
+            0.5 * (q.factor.norm_squared() + q.mean.norm_squared() - 6.0) - q.log_det_factor;
         let alone: Vec<f64> = (0..40).map(|k| draw(&only, k)).collect();
         let off = alone.iter().sum::<f64>() / 40.0 - evidence;
-        let variance = alone.iter().map(|w| (w - evidence - off).powi(2)).sum::<f64>() / 39.0;
-        assert!(variance > 0.5 * 0.5, "likelihood alone has variance {variance}");
-        assert!(off > 1.0, "likelihood alone lacks log(prior / proposal): {off}");
+        let variance = alone
+            .iter()
+            .map(|w| (w - evidence - off).powi(2))
+            .sum::<f64>()
+            / 39.0;
+        assert!(
+            variance > 0.5 * 0.5,
+            "likelihood alone has variance {variance}"
+        );
+        assert!(
+            off > 1.0,
+            "likelihood alone lacks log(prior / proposal): {off}"
+        );
         let bound = 5.0 * (variance / 40.0).sqrt();
-        assert!((off - divergence).abs() < bound, "{off} against {divergence}");
+        assert!(
+            (off - divergence).abs() < bound,
+            "{off} against {divergence}"
+        );
     }
 }
 
@@ -182,7 +217,10 @@ fn posterior_is_the_information_form() {
         let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
         let got = dynamic(&(posterior.factor * posterior.factor.transpose()));
         // Slopes change by 1e-3 over the prior (1 mm in metres, 1 mrad).
-        assert!((&got - &covariance).norm() < 5e-3 * covariance.norm(), "seed {seed}");
+        assert!(
+            (&got - &covariance).norm() < 5e-3 * covariance.norm(),
+            "seed {seed}"
+        );
         for i in 0..6 {
             let off = (posterior.mean[i] - mean[i]).abs() / covariance[(i, i)].sqrt();
             assert!(off < 0.02, "seed {seed}, direction {i}: {off} sigma");
@@ -203,14 +241,20 @@ fn open_depth_tells_nothing_along_the_baseline() {
     let mut p = particle(start);
     p.path.push(Keyframe {
         camera: anchor,
-        body: PlanarPose { x: 0.0, y: 0.0, phi: 0.3 },
+        body: PlanarPose {
+            x: 0.0,
+            y: 0.0,
+            phi: 0.3,
+        },
         scale: 1.0,
     });
     let carrier = planar_carrier(Vector2::zeros());
     let prior = carrier.prior(&p, &control([0.2, 0.03, 0.02], [1e-3, 1e-3, 1e-3]));
     let baseline = prior.mean.centre - start.centre;
     let mut direction = PoseStep::zeros();
-    direction.fixed_rows_mut::<3>(0).copy_from(&baseline.normalize());
+    direction
+        .fixed_rows_mut::<3>(0)
+        .copy_from(&baseline.normalize());
     let whitened = prior.factor.solve_lower_triangular(&direction).unwrap();
     let geometry = LandmarkGeometry::new(Some(&anchor));
     let told = |scoring: Scoring, rng: &mut rand_chacha::ChaCha8Rng| {
@@ -218,28 +262,44 @@ fn open_depth_tells_nothing_along_the_baseline() {
             .map(|_| {
                 let mean = Vector3::new(uniform(rng, -0.3, 0.3), uniform(rng, -0.3, 0.3), 1.25);
                 let sigmas = Vector3::new(1e-3, 1e-3, 0.6);
-                let landmark = inverse_depth(mean, Matrix3::from_diagonal(&sigmas.component_mul(&sigmas)));
+                let landmark =
+                    inverse_depth(mean, Matrix3::from_diagonal(&sigmas.component_mul(&sigmas)));
                 let seen = Vector3::new(mean.x, mean.y, uniform(rng, 0.2, 1.0));
                 let pixel = project(&place(&prior.mean), &geometry, &seen);
                 Some(prepared(geometry, &landmark, pixel, 0.25, scoring))
             })
             .collect();
         let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 1);
-        let inverse = posterior.factor.solve_lower_triangular(&PoseMatrix::identity()).unwrap();
+        let inverse = posterior
+            .factor
+            .solve_lower_triangular(&PoseMatrix::identity())
+            .unwrap();
         let information = inverse.transpose() * inverse - PoseMatrix::identity();
         // Along the baseline, and across it in the plane (heading and height are told by both).
         let mut aside = PoseStep::zeros();
         aside[2] = 1.0;
         let aside = prior.factor.solve_lower_triangular(&aside).unwrap();
-        (whitened.dot(&(information * whitened)), aside.dot(&(information * aside)))
+        (
+            whitened.dot(&(information * whitened)),
+            aside.dot(&(information * aside)),
+        )
     };
     let (across_along, across_aside) = told(Scoring::AcrossEpipolar, &mut rng);
     let (full_along, _) = told(Scoring::Full, &mut rng);
     // Moving along the baseline slides every pixel on its epipolar line: nothing to first order; sigma points
     // of 1 mm leave third order only. Scored in full, thirty landmarks with their prior of inverse depth
     // claim to know the step to centimetres.
-    assert!(across_aside > 1e4, "across the line much is told: {across_aside:e}");
-    assert!(across_along < 1e-6 * across_aside, "{across_along:e} of {across_aside:e}");
+    assert!(
+        across_aside > 1e4,
+        "across the line much is told: {across_aside:e}"
+    );
+    assert!(
+        across_along < 1e-6 * across_aside,
+        "{across_along:e} of {across_aside:e}"
+    );
     assert!(full_along > 100.0, "{full_along:e}");
-    assert!(across_along < 1e-4 * full_along, "{across_along:e} of {full_along:e}");
+    assert!(
+        across_along < 1e-4 * full_along,
+        "{across_along:e} of {full_along:e}"
+    );
 }
