@@ -189,7 +189,7 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     assert!((point - unit_point * 1.1).norm() < 1e-12);
     assert!((covariance - unit_covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.
-    let mut waiting = p.clone();
+    let mut waiting = p;
     let Ok(()) = mapping(Some(0.02)).update_map(&mut waiting, &observation);
     assert!(!waiting.map.contains(5));
     let Ok(()) = mapping(None).update_map(
