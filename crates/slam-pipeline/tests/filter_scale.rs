@@ -1,6 +1,8 @@
 //! The frame loop on a simulated wall, without images: features are points of
 //! the wall with persistent random descriptors, pixel noise and wrong matches.
 
+#![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
 use mono_geometry::motion::exact_arc;
 use mono_geometry::{Camera, Distortion, Pinhole, Se2};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -210,10 +212,12 @@ fn scale_is_unbiased_and_the_path_beats_dead_reckoning() {
         "scale error {mean:.4} +- {error:.4}, rmse {slam_rmse:.4} m, wheels {wheels_rmse:.4} m"
     );
     println!("{figures}");
-    // A world that shrinks does so by several per cent.
+    // Forty seeds measured -0.12 % +- 0.14 %, 22 mm against 62 mm of the wheels. A world that shrinks does so
+    // by several per cent: with open depths scored in full it is -7.2 % and 215 mm on these seeds.
     assert!(mean.abs() < (4.0 * error).max(0.015), "{figures}");
     // Odometry of 5 % in 37 steps fixes the scale of a run to 0.8 %.
     assert!(variance.sqrt() < 0.025, "{figures}");
+    // With the scale frozen 38 mm, with the likelihood alone as weight 37 mm.
     assert!(slam_rmse < 0.5 * wheels_rmse, "{figures}");
 }
 

@@ -199,6 +199,8 @@ fn far_points(widened: bool) -> (f64, f64) {
 
 #[test]
 fn far_points_are_not_drawn_nearer() {
+    // Measured: -1.5e-4 +- 1.4e-4 1/m with the prior widened eightfold for the first update; with the
+    // width of the search +8.9e-4 +- 1.4e-4, drawn from 8 m to 7.94 m by a prior centred at 0.8 m.
     let (bias, error) = far_points(true);
     assert!(
         bias.abs() < 4.0 * error,

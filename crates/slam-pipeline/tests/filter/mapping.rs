@@ -182,14 +182,14 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     );
     // In metres: the scale stretches the world about the anchor.
     started.metric.mean.x = 1.1;
-    let (point, covariance) = started.metric_point(&landmark, &Vector2::zeros()).unwrap();
+    let (point, covariance) = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
     let (unit_point, unit_covariance) = landmark
         .to_point(Some(&p.path.get(0).unwrap().camera))
         .unwrap();
     assert!((point - unit_point * 1.1).norm() < 1e-12);
     assert!((covariance - unit_covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.
-    let mut waiting = p.clone();
+    let mut waiting = p;
     let Ok(()) = mapping(Some(0.02)).update_map(&mut waiting, &observation);
     assert!(!waiting.map.contains(5));
     let Ok(()) = mapping(None).update_map(

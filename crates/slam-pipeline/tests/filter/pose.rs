@@ -2,7 +2,8 @@
 //! prior of a millimetre and a milliradian, points metres away.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-use rbpf_core::Proposal;
+use rbpf_core::{Proposal, Rejuvenation, Streams};
+use slam_pipeline::filter::evolution::{Evolution, Operators};
 use slam_pipeline::filter::landmark::{LandmarkGeometry, projected_covariance};
 use slam_pipeline::filter::likelihood::Likelihood;
 use slam_pipeline::filter::linearised::pose_posterior;
@@ -302,4 +303,59 @@ fn open_depth_tells_nothing_along_the_baseline() {
         across_along < 1e-4 * full_along,
         "{across_along:e} of {full_along:e}"
     );
+}
+
+#[test]
+fn exact_moves_leave_the_posterior_as_it_is() {
+    // Draws of a nearly linear posterior have equal weights; Metropolis-Hastings steps with the target
+    // p(z | s, map) p(s | s_{t-1}, u) must keep their distribution. With the likelihood alone the directions that
+    // only odometry knows would spread without bound.
+    const PARTICLES: usize = 2000;
+    let scene = scene(77);
+    let proposal = PoseProposal {
+        carrier: scene.carrier,
+        likelihood: likelihood(),
+        kind: ProposalKind::Unscented { iterations: 2 },
+        likelihood_only: false,
+    };
+    let mut rng = rng(770);
+    let mut particles = vec![scene.particle.clone(); PARTICLES];
+    for p in &mut particles {
+        let Ok(_) = proposal.propose(p, &scene.observation, &mut rng);
+    }
+    let before: Vec<_> = particles.iter().map(|p| p.pose).collect();
+    let evolution = Evolution {
+        operators: Operators::Exact,
+        steps: 8,
+        likelihood: likelihood(),
+    };
+    let clock = || 0.0;
+    let report = evolution
+        .timed(&clock)
+        .rejuvenate(&mut particles, &scene.observation, &Streams::new(5), 1)
+        .unwrap();
+    assert!(report.acceptance().unwrap() > 0.1, "{report:?}");
+    let moved = particles
+        .iter()
+        .zip(&before)
+        .filter(|(p, b)| p.pose != **b)
+        .count();
+    assert!(moved > PARTICLES / 2, "{moved} moved");
+
+    let prior = scene.carrier.prior(&scene.particle, &scene.control);
+    let matches = scene.observation.prepare(&scene.particle);
+    let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
+    let middle = posterior.mean_pose(&prior);
+    let draws: Vec<PoseStep> = particles.iter().map(|p| middle.local(&p.pose)).collect();
+    let covariance = posterior.pose_covariance(&prior);
+    let mean = draws.iter().sum::<PoseStep>() / PARTICLES as f64;
+    for i in 0..6 {
+        let off = mean[i].abs() / (covariance[(i, i)] / PARTICLES as f64).sqrt();
+        assert!(
+            off < 5.0,
+            "direction {i}: the mean moved by {off} standard errors"
+        );
+    }
+    // Crossover makes slots dependent; a share for that.
+    assert_sample_covariance(&draws, &covariance, 0.05);
 }
