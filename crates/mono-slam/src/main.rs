@@ -1,2 +1,69 @@
-//! The command-line program.
-fn main() {}
+//! The command-line program: arguments, messages, exit codes. No algorithms live here.
+//!
+//! Exit codes: 0 done; 2 bad input or arguments, with one sentence on standard error; 3 a
+//! threshold such as `--max-ate` was not met; 1 anything else. Standard output carries only
+//! what was asked for.
+
+mod commands;
+mod failure;
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use commands::{config, eval, features, match_images, report, run};
+
+/// Monocular landmark SLAM for wheeled robots.
+#[derive(Debug, Parser)]
+#[command(name = "mono-slam", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run SLAM on a sequence folder
+    Run(run::Arguments),
+    /// Compare a trajectory with a reference: absolute and relative error
+    Eval(eval::Arguments),
+    /// Draw report.html of a finished run again from its other files
+    Report(report::Arguments),
+    /// Detect SIFT features and write them as CSV
+    Features(features::Arguments),
+    /// Match two images
+    Match(match_images::Arguments),
+    /// Print the default configuration with every key explained
+    Config,
+}
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Features(arguments) => features::run(&arguments),
+        Command::Match(arguments) => match_images::run(&arguments),
+        Command::Config => config::run(),
+        Command::Eval(arguments) => eval::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            // With standard error closed there is nobody left to tell.
+            let _ = writeln!(std::io::stderr(), "mono-slam: {failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        use clap::CommandFactory as _;
+        Cli::command().debug_assert();
+    }
+}

@@ -1,7 +1,7 @@
 //! Odometry between filter steps: rows of (duration, v, omega) folded into one
 //! body motion with its covariance.
 
-use mono_geometry::motion::{ControlNoise, Increment, OdometrySample, accumulate};
+use mono_geometry::motion::{ControlNoise, Increment, OdometrySample, accumulate, paper_euler};
 use mono_geometry::{GeometryError, Se2};
 use nalgebra::Matrix3;
 
@@ -23,6 +23,7 @@ pub struct OdometryInterval {
 #[derive(Debug, Clone)]
 pub struct Odometer {
     noise: ControlNoise,
+    as_printed: bool,
     increment: Increment,
     dt_s: f64,
     distance_m: f64,
@@ -38,10 +39,12 @@ const REST: Increment = Increment {
 };
 
 impl Odometer {
-    /// An odometer at rest.
+    /// An odometer at rest; `as_printed` moves by the one-sided form of Eq. 25
+    /// instead of the exact arc.
     #[must_use]
-    pub fn new(noise: &OdometrySection) -> Self {
+    pub fn new(noise: &OdometrySection, as_printed: bool) -> Self {
         Self {
+            as_printed,
             noise: ControlNoise {
                 v_ratio: noise.velocity_noise_ratio,
                 v_floor_mps: noise.velocity_noise_mps,
@@ -76,7 +79,10 @@ impl Odometer {
             v_mps: interval.v_mps,
             omega_radps: interval.omega_radps,
         };
-        let next = accumulate(&[(sample, interval.duration_s)], &self.noise)?;
+        let mut next = accumulate(&[(sample, interval.duration_s)], &self.noise)?;
+        if self.as_printed {
+            next.mean = paper_euler(interval.v_mps, interval.omega_radps, interval.duration_s);
+        }
         self.increment = self.increment.then(&next);
         self.dt_s += interval.duration_s;
         self.distance_m += (interval.v_mps * interval.duration_s).abs();

@@ -8,9 +8,7 @@ use vision_sift::{Detector, Features, GrayImage, SiftError, SiftParams, Workspac
 
 use crate::config::ValidConfig;
 use crate::odometry::OdometryInterval;
-use crate::record::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, PlanarPose, RunRecord, StageTimes,
-};
+use crate::record::{DrawnKeypoint, FrameRecord, FrameSnapshot, PlanarPose, RunRecord, StageTimes};
 use crate::sequence::{CameraFile, DistortionFile, Sequence, SequenceError};
 use crate::slam::{FrameInput, FrameOutcome, Slam, SlamError};
 use crate::stopwatch::{Clock, Lap};

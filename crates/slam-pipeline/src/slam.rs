@@ -5,6 +5,11 @@
 //! *keyframe*: a filter step of all particles in the order propose, weight,
 //! resample, evolve, update the map, start landmarks. The frames between only
 //! refine the pose that is reported: their baseline is too short to tell depth.
+//! What is reported is in `estimate`, what happens to landmarks around a
+//! filter step in `upkeep`.
+
+mod estimate;
+mod upkeep;
 
 use mono_geometry::{Camera, Se2};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -16,23 +21,25 @@ use ukf::SigmaPoints;
 use vision_sift::Features;
 
 use crate::config::{Method, ValidConfig};
+use crate::filter::drift::Drift;
 use crate::filter::evolution::{Evolution, Operators};
-use crate::filter::landmark::{Landmark, Lens};
+use crate::filter::landmark::Lens;
 use crate::filter::landmark_update::LandmarkUpdate;
 use crate::filter::likelihood::Likelihood;
-use crate::filter::linearised::PosePosterior;
 use crate::filter::mapping::Mapping;
 use crate::filter::motion::{CarrierModel, Control, MotionPrior};
-use crate::filter::observation::{FrameObservation, Initialisation, Scoring};
+use crate::filter::observation::{FrameObservation, Initialisation};
 use crate::filter::particle::{MetricState, Particle};
 use crate::filter::pose::CameraPose;
 use crate::filter::proposal::{PoseProposal, ProposalKind};
 use crate::frontend::association::{Association, AssociationParams, Pair, associate};
-use crate::frontend::catalogue::{Catalogue, Sighting, Stage};
+use crate::frontend::catalogue::{Catalogue, Sighting};
 use crate::frontend::frame::FrameFeatures;
 use crate::odometry::{Odometer, OdometryInterval};
-use crate::record::{KeypointFate, LandmarkRecord, PlanarPose};
+use crate::record::{KeypointFate, PlanarPose};
 use crate::stopwatch::{Clock, Lap};
+use estimate::relative_motion;
+use upkeep::spread_scoring;
 
 /// Why a frame could not be processed.
 #[derive(Debug, Error)]
@@ -108,6 +115,7 @@ pub struct Slam {
     filter: ParticleFilter<Particle>,
     catalogue: Catalogue,
     odometer: Odometer,
+    drift: Drift,
     frame: usize,
     keyframe: u32,
     matches_at_keyframe: usize,
@@ -240,7 +248,8 @@ impl Slam {
                 image_size,
             },
             catalogue: Catalogue::new()?,
-            odometer: Odometer::new(&config.odometry),
+            odometer: Odometer::new(&config.odometry, method == Method::Paper),
+            drift: Drift::default(),
             camera,
             config: config.clone(),
             filter,
@@ -305,11 +314,26 @@ impl Slam {
             laps_ms: [lap.lap_ms(), 0.0, 0.0, 0.0],
         };
         if keyframe {
-            self.filter_step(&frame, &association, control, &mut outcome, &mut lap, clock)?;
+            self.filter_step(
+                &frame,
+                &association,
+                &reference,
+                &prior,
+                control,
+                &mut outcome,
+                &mut lap,
+                clock,
+            )?;
         } else {
             let motion = relative_motion(&reference, &prior, &association.posterior);
             self.relative.push((self.keyframe - 1, motion));
-            self.report_between(&reference, &prior, &association.posterior, motion, &mut outcome);
+            self.report_between(
+                &reference,
+                &prior,
+                &association.posterior,
+                motion,
+                &mut outcome,
+            );
             outcome.laps_ms[1] = lap.lap_ms();
         }
         if association.inliers.is_empty() && self.frame > 0 {
@@ -351,6 +375,8 @@ impl Slam {
         &mut self,
         frame: &FrameFeatures<'_>,
         association: &Association,
+        reference: &Particle,
+        prior: &MotionPrior,
         control: Control,
         outcome: &mut FrameOutcome,
         lap: &mut Lap<'_>,
@@ -363,6 +389,7 @@ impl Slam {
             self.config.association.max_scored as usize,
             &self.association.image_size,
         );
+        let support = self.support(reference, prior, association, &matches);
         let initialised = self.ready_for_two_views(association);
         for m in &matches {
             let promoted = self.mapping.delayed.is_none()
@@ -382,7 +409,13 @@ impl Slam {
             let timed = self.evolution.timed(clock);
             let report = self
                 .filter
-                .step(self.frame as u64, &observation, &self.proposal, &timed, &self.mapping)
+                .step(
+                    self.frame as u64,
+                    &observation,
+                    &self.proposal,
+                    &timed,
+                    &self.mapping,
+                )
                 .map_err(|e| filter_error(self.frame, e))?;
             outcome.n_eff = report.n_eff;
             outcome.resampled = report.resampled();
@@ -417,7 +450,7 @@ impl Slam {
             self.keyframe
                 .saturating_sub(self.config.mapping.tentative_keyframes - 1),
         );
-        let (pose, covariance) = self.estimate();
+        let (pose, covariance) = self.estimate(support.as_ref(), &control);
         outcome.pose = pose;
         outcome.covariance = covariance;
         self.last_outcome = (pose, covariance);
@@ -429,214 +462,6 @@ impl Slam {
         outcome.laps_ms[3] += lap.lap_ms();
         Ok(())
     }
-
-    /// Landmarks predicted in view but not found lose belief; returns those to remove.
-    fn update_belief(&mut self, association: &Association) -> Vec<u32> {
-        let found: std::collections::BTreeSet<u32> = association
-            .inliers
-            .iter()
-            .chain(&association.outliers)
-            .map(|p| p.feature.id)
-            .collect();
-        let mut removed = Vec::new();
-        for (&id, predicted) in &association.in_view {
-            if found.contains(&id) {
-                continue;
-            }
-            let comparable = self.catalogue.get(id).is_some_and(|e| {
-                e.stage == Stage::Mapped
-                    // Beyond twenty degrees SIFT is not expected to find it again.
-                    && e.last_direction.dot(&predicted.direction) > 20f64.to_radians().cos()
-            });
-            if comparable && self.catalogue.record_miss(id) {
-                removed.push(id);
-            }
-        }
-        removed
-    }
-
-    /// Tentative features matched now whose two views have parallax enough in
-    /// the reference particle (delayed methods).
-    fn ready_for_two_views(&self, association: &Association) -> Vec<Initialisation> {
-        let Some(min_parallax) = self.mapping.delayed else {
-            return Vec::new();
-        };
-        association
-            .inliers
-            .iter()
-            .filter_map(|pair| {
-                let entry = self.catalogue.get(pair.feature.id)?;
-                let predicted = association.in_view.get(&pair.feature.id)?;
-                (entry.stage == Stage::Tentative
-                    && predicted.parallax(
-                        &pair.feature.pixel,
-                        &self.proposal.likelihood.lens,
-                        &association.camera,
-                    )
-                        >= min_parallax)
-                    .then_some(Initialisation {
-                        id: pair.feature.id,
-                        first: (entry.first.keyframe, entry.first.pixel),
-                        second: pair.feature.pixel,
-                        sigma_px: self.association.sigma_px,
-                    })
-            })
-            .collect()
-    }
-
-    fn start_features(
-        &mut self,
-        frame: &FrameFeatures<'_>,
-        association: &Association,
-        outcome: &mut FrameOutcome,
-    ) -> Result<(), SlamError> {
-        let depth_px = &self.proposal.likelihood.lens;
-        // Gaussian over inverse depth whose two-sigma interval is (0, 1 / min depth).
-        let rho = 0.5 / self.config.mapping.min_depth_m;
-        let rho = (rho, 0.5 * rho);
-        let taken: std::collections::BTreeSet<usize> = association
-            .inliers
-            .iter()
-            .chain(&association.outliers)
-            .map(|p| p.keypoint)
-            .collect();
-        let mut candidates: Vec<usize> = (0..frame.features.keypoints.len())
-            .filter(|k| !taken.contains(k) && frame.ideal[*k].is_some())
-            .collect();
-        candidates.sort_by(|a, b| {
-            let response = |k: usize| frame.features.keypoints[k].response.abs();
-            response(*b).total_cmp(&response(*a)).then(a.cmp(b))
-        });
-        candidates.truncate(self.config.mapping.max_new as usize);
-        for k in candidates {
-            let Some(pixel) = frame.ideal[k] else { continue };
-            let prototype = Landmark::from_first_sighting(
-                depth_px,
-                self.keyframe,
-                &pixel,
-                self.association.sigma_px,
-                rho,
-            );
-            self.catalogue.add(
-                &frame.features.descriptors[k],
-                prototype,
-                Sighting {
-                    keyframe: self.keyframe,
-                    pixel,
-                },
-            )?;
-            outcome.fates[k].0 = KeypointFate::New;
-        }
-        Ok(())
-    }
-
-    /// Weighted mean and covariance of the body pose over the particles, plus
-    /// what each particle leaves open and the constant scale error of the wheels.
-    fn estimate(&self) -> (PlanarPose, Matrix3<f64>) {
-        let set = self.filter.set();
-        let weights = set.weights();
-        let first = set.particles()[0].pose.phi;
-        let mut mean = Vector3::zeros();
-        for (w, p) in weights.iter().zip(set.particles()) {
-            let turn = mono_geometry::angle::wrap(p.pose.phi - first);
-            mean += Vector3::new(p.metric.mean.y, p.metric.mean.z, turn) * *w;
-        }
-        let mut covariance = Matrix3::zeros();
-        for (w, p) in weights.iter().zip(set.particles()) {
-            let turn = mono_geometry::angle::wrap(p.pose.phi - first);
-            let d = Vector3::new(p.metric.mean.y, p.metric.mean.z, turn) - mean;
-            covariance += d * d.transpose() * *w;
-            for i in 0..2 {
-                for j in 0..2 {
-                    covariance[(i, j)] += w * p.metric.covariance[(i + 1, j + 1)];
-                }
-            }
-        }
-        let bias = self.config.odometry.scale_bias;
-        let along = Vector3::new(mean.x, mean.y, 0.0) * bias;
-        covariance += along * along.transpose();
-        (
-            PlanarPose {
-                x: mean.x,
-                y: mean.y,
-                phi: mono_geometry::angle::wrap(first + mean.z),
-            },
-            covariance,
-        )
-    }
-
-    fn report_between(
-        &self,
-        reference: &Particle,
-        prior: &MotionPrior,
-        posterior: &PosePosterior,
-        motion: Se2,
-        outcome: &mut FrameOutcome,
-    ) {
-        let (pose, covariance) = self.last_outcome;
-        let at = Se2::new(pose.x, pose.y, pose.phi);
-        let now = at.compose(&motion);
-        let (dx, dy) = (now.x - at.x, now.y - at.y);
-        let transition = Matrix3::new(1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0);
-        let step = posterior.pose_covariance(prior);
-        let s = reference.metric.mean.x;
-        let scale = Vector3::new(s, s, 1.0);
-        let mut added = Matrix3::zeros();
-        for (i, gi) in [0, 1, 3].into_iter().enumerate() {
-            for (j, gj) in [0, 1, 3].into_iter().enumerate() {
-                added[(i, j)] = step[(gi, gj)] * scale[i] * scale[j];
-            }
-        }
-        outcome.pose = PlanarPose {
-            x: now.x,
-            y: now.y,
-            phi: now.phi,
-        };
-        outcome.covariance = transition * covariance * transition.transpose() + added;
-    }
-
-    /// The whole path of the best particle, one body pose per frame.
-    #[must_use]
-    pub fn smoothed_path(&self) -> Vec<PlanarPose> {
-        let set = self.filter.set();
-        let best = &set.particles()[set.best()];
-        self.relative
-            .iter()
-            .filter_map(|(keyframe, motion)| {
-                let body = best.path.get(*keyframe as usize)?.body;
-                let pose = Se2::new(body.x, body.y, body.phi).compose(motion);
-                Some(PlanarPose {
-                    x: pose.x,
-                    y: pose.y,
-                    phi: pose.phi,
-                })
-            })
-            .collect()
-    }
-
-    /// The map of the best particle in metres, in id order; landmarks whose
-    /// depth is not positive are left out.
-    #[must_use]
-    pub fn landmarks(&self) -> Vec<LandmarkRecord> {
-        let set = self.filter.set();
-        let best = &set.particles()[set.best()];
-        self.catalogue
-            .iter()
-            .filter(|(_, e)| e.stage == Stage::Mapped)
-            .filter_map(|(id, entry)| {
-                let landmark = best.map.get(id)?;
-                let (position, covariance) =
-                    best.metric_point(landmark, &self.proposal.carrier.lever_m)?;
-                Some(LandmarkRecord {
-                    id,
-                    position,
-                    covariance,
-                    observations: entry.observations,
-                    descriptor: Some(entry.descriptor.clone()),
-                })
-            })
-            .collect()
-    }
 }
 
 fn filter_error(frame: usize, e: impl std::error::Error + Send + Sync + 'static) -> SlamError {
@@ -644,14 +469,6 @@ fn filter_error(frame: usize, e: impl std::error::Error + Send + Sync + 'static)
         frame,
         source: Box::new(e),
     }
-}
-
-/// Metric body motion of the reference particle since its keyframe.
-fn relative_motion(reference: &Particle, prior: &MotionPrior, posterior: &PosePosterior) -> Se2 {
-    let pose = posterior.mean_pose(prior);
-    let body = reference.metric.condition_on_pose(prior, &pose).body(pose.phi);
-    let from = reference.metric.body(reference.pose.phi);
-    Se2::new(from.x, from.y, from.phi).between(&Se2::new(body.x, body.y, body.phi))
 }
 
 fn mean_nis(association: &Association) -> Option<f64> {
@@ -669,44 +486,4 @@ fn fates(count: usize, association: &Association) -> Vec<(KeypointFate, Option<V
     mark(&association.inliers, KeypointFate::Matched);
     mark(&association.outliers, KeypointFate::Outlier);
     fates
-}
-
-/// Leaves at most `limit` matches scoring, well spread: one in turn from each
-/// cell of an 8 x 6 grid, those with closed depth first.
-fn spread_scoring(
-    matches: &mut [crate::filter::observation::MatchedFeature],
-    limit: usize,
-    image_size: &Vector2<f64>,
-) {
-    if matches.len() <= limit {
-        return;
-    }
-    const COLUMNS: usize = 8;
-    const ROWS: usize = 6;
-    let mut cells: Vec<Vec<usize>> = vec![Vec::new(); COLUMNS * ROWS];
-    let mut order: Vec<usize> = (0..matches.len()).collect();
-    order.sort_by_key(|&i| (matches[i].scoring != Scoring::Full, i));
-    for i in order {
-        let p = matches[i].pixel;
-        let cell = |v: f64, size: f64, n: usize| ((v / size * n as f64).max(0.0) as usize).min(n - 1);
-        cells[cell(p.y, image_size.y, ROWS) * COLUMNS + cell(p.x, image_size.x, COLUMNS)].push(i);
-    }
-    let mut kept = vec![false; matches.len()];
-    let (mut count, mut depth) = (0, 0);
-    while count < limit {
-        for cell in &cells {
-            if let Some(&i) = cell.get(depth)
-                && count < limit
-            {
-                kept[i] = true;
-                count += 1;
-            }
-        }
-        depth += 1;
-    }
-    for (m, kept) in matches.iter_mut().zip(kept) {
-        if !kept {
-            m.scoring = Scoring::MapOnly;
-        }
-    }
 }

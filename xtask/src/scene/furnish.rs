@@ -7,7 +7,7 @@
 //! half a metre of the wall. Bare places get sheets, cables and soft shadows.
 
 use super::draw::{between, chance, pick};
-use super::geometry::Facet;
+use super::geometry::{Facet, World};
 use super::paint::{Paint, WallPlan};
 use super::texture::{Material, Skin};
 use nalgebra::{Point3, Vector3};
@@ -29,13 +29,6 @@ pub(super) struct WallFrame {
     pub(super) length: f64,
 }
 
-/// Rectangles and what to paint on them, in order.
-#[derive(Debug, Default)]
-pub(super) struct Furniture {
-    pub(super) facets: Vec<Facet>,
-    pub(super) paints: Vec<Paint>,
-}
-
 /// A box in wall coordinates: `[low, high]` of s, h and d.
 #[derive(Debug, Clone, Copy)]
 struct Block {
@@ -51,7 +44,7 @@ impl WallFrame {
     }
 }
 
-impl Furniture {
+impl World {
     /// A rectangle between two opposite corners, seen from the side `normal` points to.
     pub(super) fn rectangle(
         &mut self,

@@ -4,10 +4,10 @@
 //! only. A box is five or six facets. The nearest facet along a ray wins; ties
 //! go to the lower index, so the answer does not depend on the order of work.
 //! For whole images each facet is first projected to the cells of a screen grid it can
-//! touch ([`ScreenIndex`]), which leaves a handful of candidates for a ray.
+//! touch (`ScreenIndex`), which leaves a handful of candidates for a ray.
 
 use super::camera::{HEIGHT, WIDTH, project};
-use super::canvas::Skin8;
+use super::paint::Paint;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Pixels along the edge of a screen cell.
@@ -41,11 +41,11 @@ pub struct Hit {
     pub facet: usize,
 }
 
-/// Facets and their finished skins, index by index.
-#[derive(Debug, Clone)]
+/// Facets and what to paint on them, index by index.
+#[derive(Debug, Clone, Default)]
 pub struct World {
     pub(super) facets: Vec<Facet>,
-    pub(super) skins: Vec<Skin8>,
+    pub(super) paints: Vec<Paint>,
 }
 
 /// Facets that may be seen in each cell of the screen.
@@ -73,7 +73,7 @@ impl Facet {
     }
 
     /// Position on the skin: metres from the top-left corner as the viewer sees it.
-    fn skin_position(&self, point: &Point3<f64>) -> (f64, f64) {
+    pub(super) fn skin_position(&self, point: &Point3<f64>) -> (f64, f64) {
         match self.axis {
             // Seen against +x (normal -1) the viewer's right is -y.
             0 if self.normal_sign < 0.0 => (self.high[0] - point.y, self.high[1] - point.z),
@@ -150,12 +150,6 @@ impl World {
             origin,
             direction,
         )
-    }
-
-    /// Brightness (0..255) of a facet at a point on it.
-    pub(super) fn brightness(&self, facet: usize, point: &Point3<f64>) -> f32 {
-        let (x, y) = self.facets[facet].skin_position(point);
-        self.skins[facet].sample(x, y)
     }
 
     /// Sorts the facets into the screen cells of a camera.

@@ -22,10 +22,12 @@ pub mod trajectory;
 mod write;
 
 use anyhow::ensure;
-use furnish::{Furniture, WALL_HEIGHT_M, WallFrame};
+use furnish::{WALL_HEIGHT_M, WallFrame};
 use geometry::World;
 use nalgebra::{Isometry3, Point3, Vector3};
 use paint::{Paint, paint_world};
+
+pub use paint::Skins;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -138,7 +140,7 @@ fn stream(seed: u64, purpose: Purpose, index: u64) -> ChaCha8Rng {
     rng
 }
 
-/// A built scene: geometry with skins, the true path, the odometry.
+/// A built scene: geometry, the true path, the odometry. Skins are painted apart.
 #[derive(Debug, Clone)]
 pub struct Scene {
     spec: SceneSpec,
@@ -148,7 +150,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Builds the scene of a specification; a second or so, most of it painting.
+    /// Builds the scene of a specification, without painting it: quick.
     ///
     /// # Errors
     /// As [`SceneSpec::check`].
@@ -160,7 +162,7 @@ impl Scene {
             &mut stream(spec.seed, Purpose::Path, 0),
         );
         let odometry = path.odometry(&spec.odometry, &mut stream(spec.seed, Purpose::Odometry, 0));
-        let world = paint_world(spec.furniture(), spec.seed);
+        let world = spec.furniture();
         Ok(Self {
             spec,
             world,
@@ -174,7 +176,12 @@ impl Scene {
         &self.spec
     }
 
-    /// Geometry and skins.
+    /// Paints the skins that [`Self::render`] looks at; a second or so.
+    pub fn skins(&self) -> Skins {
+        paint_world(&self.world, self.spec.seed)
+    }
+
+    /// The geometry.
     pub fn world(&self) -> &World {
         &self.world
     }
@@ -248,8 +255,8 @@ impl SceneSpec {
         }
     }
 
-    fn furniture(&self) -> Furniture {
-        let mut furniture = Furniture::default();
+    fn furniture(&self) -> World {
+        let mut furniture = World::default();
         let margin = 1.8;
         let (low, high) = match self.kind {
             SceneKind::Wall => {

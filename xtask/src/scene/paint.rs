@@ -6,10 +6,10 @@
 
 use super::canvas::{Canvas, Skin8};
 use super::draw::{Noise, between, chance, pick};
-use super::furnish::Furniture;
 use super::geometry::World;
 use super::texture::{Material, Skin};
 use super::{Purpose, stream};
+use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -45,10 +45,10 @@ impl WallPlan {
 
     /// Hangs sheets in the free places of a stretch, large ones first.
     pub(super) fn hang_sheets(&mut self, [s0, s1]: [f64; 2], height: f64, rng: &mut ChaCha8Rng) {
-        for attempt in 0..70_u32 {
+        for attempt in 0..40_u32 {
             let largest = match attempt {
                 0..10 => 0.75,
-                10..30 => 0.42,
+                10..25 => 0.42,
                 _ => 0.2,
             };
             let w = between(rng, 0.35 * largest, largest);
@@ -128,7 +128,7 @@ impl WallPlan {
                     let outside_x = (x0 - x).max(x - x1).max(0.0);
                     let outside_y = (y0 - y).max(y - y1).max(0.0);
                     let away = outside_x.hypot(outside_y) / reach;
-                    (away < 1.0).then(|| old * (1.0 - 0.35 * (1.0 - away)))
+                    (away < 1.0).then_some(old * (1.0 - 0.35 * (1.0 - away)))
                 },
             );
         }
@@ -136,14 +136,28 @@ impl WallPlan {
     }
 }
 
+/// The finished skins of a scene, one a facet: what only images need.
+#[derive(Debug, Clone)]
+pub struct Skins {
+    finished: Vec<Skin8>,
+}
+
+impl Skins {
+    /// Brightness (0..255) of a facet at a point on it.
+    pub(super) fn brightness(&self, world: &World, facet: usize, point: &Point3<f64>) -> f32 {
+        let (x, y) = world.facets[facet].skin_position(point);
+        self.finished[facet].sample(x, y)
+    }
+}
+
 /// Paints every rectangle. Parallel over rectangles; rectangle k uses stream k only, so
 /// the number of threads changes nothing.
-pub(super) fn paint_world(furniture: Furniture, seed: u64) -> World {
-    let Furniture { facets, paints } = furniture;
+pub(super) fn paint_world(world: &World, seed: u64) -> Skins {
+    let World { facets, paints } = world;
     let light = Noise::new(&mut stream(seed, Purpose::Light, 0));
-    let skins: Vec<Skin8> = facets
+    let finished = facets
         .par_iter()
-        .zip(&paints)
+        .zip(paints)
         .enumerate()
         .map(|(index, (facet, paint))| {
             let mut rng = stream(seed, Purpose::Skin, index as u64);
@@ -160,5 +174,5 @@ pub(super) fn paint_world(furniture: Furniture, seed: u64) -> World {
             canvas.finish()
         })
         .collect();
-    World { facets, skins }
+    Skins { finished }
 }

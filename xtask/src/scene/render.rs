@@ -6,7 +6,7 @@
 //! Rows of a frame and frames are independent; the noise of frame k is stream k.
 
 use super::camera::{CX, CY, HEIGHT, WIDTH, ray};
-use super::{Purpose, Scene, stream};
+use super::{Purpose, Scene, Skins, stream};
 use image::GrayImage;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
@@ -17,11 +17,11 @@ use std::f64::consts::TAU;
 /// Rays along each edge of a pixel.
 const RAYS: usize = 4;
 /// Standard deviation of the lens blur, pixels.
-const BLUR_SIGMA_PX: f64 = 0.55;
+const BLUR_SIGMA_PX: f64 = 0.75;
 /// Loss of light at the image corner.
 const VIGNETTING: f64 = 0.28;
 /// Gain from painted tone to grey level at exposure 1.
-const WHITE_LEVEL: f32 = 1.2;
+const WHITE_LEVEL: f32 = 1.1;
 /// Read noise's share of the variance at mid grey.
 const READ_SHARE: f32 = 1.0 / 3.0;
 
@@ -29,9 +29,9 @@ impl Scene {
     /// The image of a frame, row by row. About 40 ms of one core.
     ///
     /// # Panics
-    /// When `frame` is not below the number of frames.
-    pub fn render(&self, frame: usize) -> GrayImage {
-        let clean = blur(&self.radiance(frame));
+    /// When `frame` is not below the number of frames, or the skins are another scene's.
+    pub fn render(&self, skins: &Skins, frame: usize) -> GrayImage {
+        let clean = blur(&self.radiance(skins, frame));
         let exposure = self.exposure(frame);
         let mut rng = stream(self.spec.seed, Purpose::Sensor, frame as u64);
         let corner2 = CX.max(WIDTH as f64 - CX).powi(2) + CY.max(HEIGHT as f64 - CY).powi(2);
@@ -60,7 +60,7 @@ impl Scene {
     }
 
     /// Mean brightness (0..255) under each pixel's aperture.
-    fn radiance(&self, frame: usize) -> Vec<f32> {
+    fn radiance(&self, skins: &Skins, frame: usize) -> Vec<f32> {
         let pose = self.world_from_camera(frame);
         let index = self.world.screen_index(&pose);
         let origin = Point3::from(pose.translation.vector);
@@ -82,7 +82,7 @@ impl Scene {
                                 self.world.cast_indexed(candidates, &origin, &direction)
                             {
                                 let point = origin + direction * hit.distance;
-                                sum += self.world.brightness(hit.facet, &point);
+                                sum += skins.brightness(&self.world, hit.facet, &point);
                             }
                         }
                     }

@@ -95,12 +95,13 @@ fn same_seed_same_pixels_whatever_the_threads() {
             .unwrap();
         pool.install(|| {
             let scene = small(SceneKind::Wall, 5);
-            (scene.render(3), scene.odometry().to_vec())
+            (scene.render(&scene.skins(), 3), scene.odometry().to_vec())
         })
     };
     let one = on(1);
     assert_eq!(one, on(3));
-    assert_ne!(one.0, small(SceneKind::Wall, 6).render(3));
+    let other = small(SceneKind::Wall, 6);
+    assert_ne!(one.0, other.render(&other.skins(), 3));
 }
 
 #[test]
@@ -131,7 +132,7 @@ fn a_written_scene_reads_back_as_itself() {
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(again.spec(), scene.spec());
     assert_eq!(again.world().facets(), scene.world().facets());
-    assert_eq!(image, again.render(1));
+    assert_eq!(image, again.render(&again.skins(), 1));
     assert!(refused.contains("already holds"), "{refused}");
 }
 

@@ -7,6 +7,7 @@
 use super::canvas::Canvas;
 use super::draw::{Noise, between, chance, ink_on, letter, pick, text};
 use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
 
 /// How a rectangle is painted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,10 +68,10 @@ fn full(canvas: &Canvas) -> [f64; 4] {
 fn worn(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
     let noise = Noise::new(rng);
     canvas.paint(full(canvas), |x, y, _| {
-        Some(tone + 0.05 * noise.octaves(x * 12.0, y * 12.0, 4, 0.6))
+        Some(tone + 0.035 * noise.octaves(x * 12.0, y * 12.0, 4, 0.6))
     });
     let area = canvas.width_m * canvas.height_m;
-    for _ in 0..(area * 40.0).ceil() as usize {
+    for _ in 0..(area * 20.0).ceil() as usize {
         let a = [
             between(rng, 0.0, canvas.width_m),
             between(rng, 0.0, canvas.height_m),
@@ -93,7 +94,7 @@ fn wood(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
     let noise = Noise::new(rng);
     canvas.paint(full(canvas), |x, y, _| {
         let bend = noise.octaves(x * 2.0, y * 6.0, 2, 0.5);
-        Some(tone + 0.07 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
+        Some(tone + 0.04 * noise.octaves(x * 3.0 + 9.0, y * 55.0 + 4.0 * bend, 3, 0.6))
     });
     for _ in 0..(canvas.width_m * canvas.height_m * 6.0).ceil() as usize {
         let (x, y) = (
@@ -252,10 +253,7 @@ fn leaf(canvas: &mut Canvas, rng: &mut ChaCha8Rng, tone: f64) {
             ],
             |x, y, _| Some(panel + 0.04 * noise.octaves(x * 9.0, y * 9.0, 4, 0.6)),
         );
-        if chance(rng, 0.75) {
-            stick_on(canvas, rng, frame);
-        }
-        if chance(rng, 0.5) {
+        for _ in 0..1 + pick(rng, 2) {
             stick_on(canvas, rng, frame);
         }
         y = bottom + between(rng, 0.03, 0.07);
@@ -318,9 +316,9 @@ fn page(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4], i
     let mut drawn = figure.clone();
     let inner = [0.0, 0.0, figure.width_m, figure.height_m];
     if chance(rng, 0.5) {
-        picture(&mut drawn, rng, inner)
+        picture(&mut drawn, rng, inner);
     } else {
-        shapes(&mut drawn, rng, inner, 0.9)
+        shapes(&mut drawn, rng, inner, 0.9);
     }
     let small = between(rng, 0.014, 0.03);
     text(canvas, rng, [x0, top, x1, split - small], small, ink);
@@ -375,7 +373,7 @@ fn shapes(canvas: &mut Canvas, rng: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f64; 4],
                 let sides = 3 + pick(rng, 4);
                 let corners: Vec<[f64; 2]> = (0..sides)
                     .map(|k| {
-                        let angle = start + 6.283 * k as f64 / sides as f64;
+                        let angle = start + TAU * k as f64 / sides as f64;
                         let far = reach * between(rng, 0.6, 1.0);
                         [x + far * angle.cos(), y + far * angle.sin()]
                     })
@@ -481,7 +479,7 @@ fn wall(canvas: &mut Canvas, rng: &mut ChaCha8Rng, material: Material) {
                 let edge_y = y - 0.075 * course + 0.004 * grain.at(x * 40.0 + 50.0, y * 40.0);
                 let joint = edge_x < 0.012 || edge_y < 0.012;
                 let own = 0.17 * noise.node(brick as i64, course as i64);
-                let rough = 0.07 * grain.octaves(x * 30.0, y * 30.0, 4, 0.7);
+                let rough = 0.04 * grain.octaves(x * 30.0, y * 30.0, 4, 0.7);
                 Some(if joint { base + 0.22 } else { base + own } + rough)
             });
         }
@@ -491,7 +489,7 @@ fn wall(canvas: &mut Canvas, rng: &mut ChaCha8Rng, material: Material) {
                 let (column, row) = ((x / 0.15).floor(), (y / 0.15).floor());
                 let joint = x - 0.15 * column < 0.006 || y - 0.15 * row < 0.006;
                 let own = 0.12 * noise.node(column as i64, row as i64);
-                let dirt = 0.06 * grain.octaves(x * 8.0, y * 8.0, 5, 0.65);
+                let dirt = 0.03 * grain.octaves(x * 8.0, y * 8.0, 5, 0.65);
                 Some(if joint { tone - 0.3 } else { tone + own } + dirt)
             });
         }

@@ -30,11 +30,12 @@ impl Scene {
         );
         fs::create_dir_all(&images)
             .with_context(|| format!("cannot create {}", images.display()))?;
+        let skins = self.skins();
         (0..self.spec.frames)
             .into_par_iter()
             .try_for_each(|frame| {
                 let file = images.join(format!("{frame:06}.png"));
-                write_file(&file, &encode_png(&self.render(frame))?)
+                write_file(&file, &encode_png(&self.render(&skins, frame))?)
             })?;
         for (name, text) in [
             ("times.txt", self.times()),

@@ -48,8 +48,9 @@ impl Recording {
         let mut workspace = Workspace::new();
         let mut features = Vec::with_capacity(spec.frames);
         let mut detection_s = 0.0;
+        let skins = scene.skins();
         for frame in 0..spec.frames {
-            let image = scene.render(frame);
+            let image = scene.render(&skins, frame);
             let view = GrayImage::new(WIDTH, HEIGHT, image.as_raw())?;
             let mut found = Features::default();
             let start = Instant::now();

@@ -167,7 +167,7 @@ fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> 
 fn dead_reckoning(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> {
     let spec = recording.scene.spec();
     let config = estimator.config(spec.seed, &spec.odometry).check()?;
-    let mut odometer = Odometer::new(&config.odometry);
+    let mut odometer = Odometer::new(&config.odometry, false);
     let mut track = Track::default();
     for intervals in &recording.odometry {
         for interval in intervals {

@@ -43,44 +43,42 @@ fn passes(expression: &str) -> bool {
         .replace('/', " OR ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
     let mut at = 0;
-    let value = either(&words, &mut at);
-    value && at == words.len()
+    either(&words, &mut at) == Some(true) && at == words.len()
 }
 
-fn either(words: &[&str], at: &mut usize) -> bool {
-    let mut value = both(words, at);
+/// Branches joined by `OR`; `None` when the expression is malformed.
+fn either(words: &[&str], at: &mut usize) -> Option<bool> {
+    let mut value = both(words, at)?;
     while words.get(*at) == Some(&"OR") {
         *at += 1;
-        value |= both(words, at);
+        value |= both(words, at)?;
     }
-    value
+    Some(value)
 }
 
-fn both(words: &[&str], at: &mut usize) -> bool {
-    let mut value = single(words, at);
+fn both(words: &[&str], at: &mut usize) -> Option<bool> {
+    let mut value = single(words, at)?;
     while words.get(*at) == Some(&"AND") {
         *at += 1;
-        value &= single(words, at);
+        value &= single(words, at)?;
     }
-    value
+    Some(value)
 }
 
-fn single(words: &[&str], at: &mut usize) -> bool {
-    let Some(word) = words.get(*at) else {
-        return false;
-    };
+fn single(words: &[&str], at: &mut usize) -> Option<bool> {
+    let word = *words.get(*at)?;
     *at += 1;
-    if *word == "(" {
-        let value = either(words, at);
+    if word == "(" {
+        let value = either(words, at)?;
         let closed = words.get(*at) == Some(&")");
         *at += 1;
-        return value && closed;
+        return closed.then_some(value);
     }
     if words.get(*at) == Some(&"WITH") {
         // An exception to a licence only adds permissions.
         *at += 2;
     }
-    ALLOWED.contains(word)
+    Some(ALLOWED.contains(&word))
 }
 
 #[cfg(test)]

@@ -213,7 +213,7 @@ impl Default for FeaturesSection {
     fn default() -> Self {
         Self {
             max_keypoints: 1000,
-            contrast_threshold: 0.03,
+            contrast_threshold: 0.04,
             edge_ratio: 10.0,
             sigma_px: 0.6,
         }
@@ -373,7 +373,10 @@ mod tests {
     fn unknown_key_is_named_with_its_line() {
         let error = Config::from_toml_str("[filter]\nparticels = 3\n").unwrap_err();
         let text = error.to_string();
-        assert!(text.contains("line 2") && text.contains("particels"), "{text}");
+        assert!(
+            text.contains("line 2") && text.contains("particels"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -159,7 +159,9 @@ impl Rejuvenation<Particle, FrameObservation> for Timed<'_> {
             return Ok(RejuvenationReport::default());
         }
         let start = (self.clock.0)();
-        let report = self.evolution.evolve(particles, observation, streams, frame)?;
+        let report = self
+            .evolution
+            .evolve(particles, observation, streams, frame)?;
         if let Ok(mut ran) = self.ran.lock() {
             *ran = Some((start, (self.clock.0)()));
         }

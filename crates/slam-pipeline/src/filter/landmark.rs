@@ -158,7 +158,8 @@ impl Lens {
             -self.focal.y * q.y * iz * iz,
         );
         let q_from_parameters = if geometry.inverse_depth {
-            let camera_from_anchor = camera.camera_from_world * geometry.anchor_from_world.transpose();
+            let camera_from_anchor =
+                camera.camera_from_world * geometry.anchor_from_world.transpose();
             let baseline = camera.camera_from_world * (geometry.anchor_centre - camera.centre);
             Matrix3::from_columns(&[
                 camera_from_anchor.column(0).into_owned(),
@@ -207,13 +208,20 @@ impl Lens {
         if !rho.is_finite() {
             return *mean;
         }
-        let refocused = Vector3::new(mean.x, mean.y, rho.clamp(0.0, highest.max(0.0)));
-        // Never behind the camera.
-        if self.project(camera, &geometry.ray(&refocused)).is_some() {
-            refocused
-        } else {
-            *mean
+        let highest = highest.max(0.0);
+        let at = |rho: f64| Vector3::new(mean.x, mean.y, rho);
+        let seen = |m: &Vector3<f64>| self.project(camera, &geometry.ray(m));
+        if (0.0..=highest).contains(&rho) && seen(&at(rho)).is_some() {
+            return at(rho);
         }
+        // Beyond an end of the line the nearest is an end, but not always that of the
+        // nearer rho: past the epipole rho comes round from the other side of infinity.
+        [at(0.0), at(highest)]
+            .into_iter()
+            .filter_map(|m| Some(((seen(&m)? - pixel).norm_squared(), m)))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            // Never behind the camera.
+            .map_or(*mean, |(_, m)| m)
     }
 
     /// Normalised image coordinates of a pixel.

@@ -87,8 +87,7 @@ impl LandmarkUpdate {
             let innovation_covariance =
                 slope_transposed.tr_mul(&cross) + (moments.covariance - linear) + noise;
             let factor = innovation_covariance.cholesky()?;
-            let innovation =
-                pixel - moments.mean - slope_transposed.tr_mul(&(mean - about.0));
+            let innovation = pixel - moments.mean - slope_transposed.tr_mul(&(mean - about.0));
             let gain = factor.solve(&cross.transpose()).transpose();
             let updated = covariance - gain * innovation_covariance * gain.transpose();
             let updated = (updated + updated.transpose()) * 0.5;

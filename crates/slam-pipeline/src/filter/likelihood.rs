@@ -74,8 +74,8 @@ impl Likelihood {
             return wrong.ln();
         };
         let innovation = m.pixel - predicted;
-        let s = projected_covariance(&jacobian, &m.covariance)
-            + Matrix2::identity() * m.variance_px2;
+        let s =
+            projected_covariance(&jacobian, &m.covariance) + Matrix2::identity() * m.variance_px2;
         let density = if across_only {
             let normal = across_epipolar(&jacobian);
             let variance = (normal.transpose() * s * normal)[(0, 0)];
@@ -128,7 +128,9 @@ impl Likelihood {
         let here = homogeneous(camera.camera_from_world * ray.base)
             .cross(&homogeneous(camera.camera_from_world * baseline));
         let n = self.lens.normalise(&m.pixel);
-        let seen = camera.camera_from_world.tr_mul(&Vector3::new(n.x, n.y, 1.0));
+        let seen = camera
+            .camera_from_world
+            .tr_mul(&Vector3::new(n.x, n.y, 1.0));
         let to_anchor = m.geometry.anchor_rotation();
         let there = homogeneous(to_anchor * seen).cross(&homogeneous(to_anchor * -baseline));
         let first = Vector2::new(

@@ -194,40 +194,41 @@ impl PoseLinearisation {
     #[must_use]
     pub fn linearise(&self, lens: &Lens, prepared: &Prepared) -> Option<Line> {
         let (mean_camera, cameras) = (&self.mean, &self.sigma);
-    let focus = prepared.focus(lens, mean_camera);
+        let focus = prepared.focus(lens, mean_camera);
         let ray: Ray = prepared.geometry.ray(&focus);
-    let mut slope = SMatrix::<f64, 2, POSE_DIM>::zeros();
-    let mut mean = Vector2::zeros();
-    let mut outer = Matrix2::zeros();
-    let base = lens.project(mean_camera, &ray)?;
-    let half = 0.5 / SPREAD_SQUARED.sqrt();
-    for j in 0..POSE_DIM {
-        let plus = lens.project(&cameras[j], &ray)? - base;
-        let minus = lens.project(&cameras[j + POSE_DIM], &ray)? - base;
-        mean += plus + minus;
-        outer += plus * plus.transpose() + minus * minus.transpose();
-        slope.set_column(j, &((plus - minus) * half));
+        let mut slope = SMatrix::<f64, 2, POSE_DIM>::zeros();
+        let mut mean = Vector2::zeros();
+        let mut outer = Matrix2::zeros();
+        let base = lens.project(mean_camera, &ray)?;
+        let half = 0.5 / SPREAD_SQUARED.sqrt();
+        for j in 0..POSE_DIM {
+            let plus = lens.project(&cameras[j], &ray)? - base;
+            let minus = lens.project(&cameras[j + POSE_DIM], &ray)? - base;
+            mean += plus + minus;
+            outer += plus * plus.transpose() + minus * minus.transpose();
+            slope.set_column(j, &((plus - minus) * half));
+        }
+        let weight = 0.5 / SPREAD_SQUARED;
+        mean *= weight;
+        // Covariance about the mean; beta = 2 gives the centre a covariance weight of 2.
+        let spread_covariance =
+            outer * weight - mean * mean.transpose() + 2.0 * mean * mean.transpose();
+        let mut error = spread_covariance - slope * slope.transpose();
+        // What curvature leaves; rounding may make a zero slightly negative.
+        if error[(0, 0)] < 0.0 || error[(1, 1)] < 0.0 || error.determinant() < 0.0 {
+            error = Matrix2::zeros();
+        }
+        let jacobian = lens.parameter_jacobian(mean_camera, &prepared.geometry, &focus)?;
+        let noise = error
+            + projected_covariance(&jacobian, &prepared.covariance)
+            + Matrix2::identity() * prepared.variance_px2;
+        Some(Line {
+            mean: base + mean,
+            slope,
+            noise,
+            across: across_epipolar(&jacobian),
+        })
     }
-    let weight = 0.5 / SPREAD_SQUARED;
-    mean *= weight;
-    // Covariance about the mean; beta = 2 gives the centre a covariance weight of 2.
-    let spread_covariance = outer * weight - mean * mean.transpose() + 2.0 * mean * mean.transpose();
-    let mut error = spread_covariance - slope * slope.transpose();
-    // What curvature leaves; rounding may make a zero slightly negative.
-    if error[(0, 0)] < 0.0 || error[(1, 1)] < 0.0 || error.determinant() < 0.0 {
-        error = Matrix2::zeros();
-    }
-    let jacobian = lens.parameter_jacobian(mean_camera, &prepared.geometry, &focus)?;
-    let noise = error
-        + projected_covariance(&jacobian, &prepared.covariance)
-        + Matrix2::identity() * prepared.variance_px2;
-    Some(Line {
-        mean: base + mean,
-        slope,
-        noise,
-        across: across_epipolar(&jacobian),
-    })
-}
 }
 
 /// Unit normal of the direction in which the pixel moves with depth.

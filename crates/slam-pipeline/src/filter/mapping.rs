@@ -38,7 +38,9 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
         observation: &FrameObservation,
     ) -> Result<(), Infallible> {
         if let Some(drawn) = particle.prior.take() {
-            particle.metric = particle.metric.condition_on_pose(&drawn.prior, &particle.pose);
+            particle.metric = particle
+                .metric
+                .condition_on_pose(&drawn.prior, &particle.pose);
         }
         let camera = PlacedCamera::new(&particle.pose, &self.body_from_camera);
         particle.path.push(Keyframe {
@@ -58,9 +60,11 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
             };
             let (pixel, variance) = (&m.pixel, m.variance_px2);
             let updated = if known.is_some() {
-                self.update.update(&camera, &geometry, &landmark, pixel, variance)
+                self.update
+                    .update(&camera, &geometry, &landmark, pixel, variance)
             } else {
-                self.update.first(&camera, &geometry, &landmark, pixel, variance)
+                self.update
+                    .first(&camera, &geometry, &landmark, pixel, variance)
             };
             match updated {
                 Some(updated) => particle.map.insert(m.id, updated),

@@ -6,8 +6,9 @@
 //! (the odometry prior), [`observation`] (what one frame measured),
 //! [`linearised`] (statistical linearisation), [`proposal`] (the unscented and
 //! the motion proposal with their weights), [`likelihood`], [`evolution`],
-//! [`landmark_update`], [`mapping`].
+//! [`landmark_update`], [`mapping`], [`drift`].
 
+pub mod drift;
 pub mod evolution;
 pub mod landmark;
 pub mod landmark_update;

@@ -164,9 +164,10 @@ impl CarrierModel {
         for (i, d) in diagonal.into_iter().enumerate() {
             covariance[(i, i)] += d;
         }
-        let factor = covariance
-            .cholesky()
-            .map_or_else(|| PoseMatrix::from_diagonal(&covariance.diagonal().map(f64::sqrt)), |c| c.l());
+        let factor = covariance.cholesky().map_or_else(
+            || PoseMatrix::from_diagonal(&covariance.diagonal().map(f64::sqrt)),
+            |c| c.l(),
+        );
         MotionPrior {
             from,
             mean,

@@ -71,8 +71,8 @@ impl Proposal<Particle, FrameObservation> for PoseProposal {
         let pose = prior.mean.retract(&(prior.factor * whitened));
         let log_likelihood = self.likelihood.log(&pose, &matches);
         // N(xi; 0, I) / N(xi; mean, C C^T); the constants cancel.
-        let log_ratio = 0.5 * (normal.norm_squared() - whitened.norm_squared())
-            + posterior.log_det_factor;
+        let log_ratio =
+            0.5 * (normal.norm_squared() - whitened.norm_squared()) + posterior.log_det_factor;
         particle.pose = pose;
         particle.prior = Some(Arc::new(Drawn {
             step_factor: prior.factor * posterior.factor,

@@ -2,29 +2,30 @@
 //!
 //! 1. Predict every landmark in the reference particle, with the innovation
 //!    covariance S of pose prior, landmark and pixel noise; keep those in view.
-//! 2. Descriptors: the two nearest landmarks in view, ratio test (Eq. 21), gate
-//!    by S, one keypoint a landmark.
-//! 3. Landmarks in view still without a keypoint look into their own gate: the
-//!    prediction replaces what the ratio test could not tell.
-//! 4. Consensus: robust pose posterior from all matches, then each match is
+//! 2. Landmarks with a narrow gate take the nearest descriptor in it.
+//! 3. Descriptors: for every keypoint left, the two nearest landmarks in view by
+//!    the k-d forest, ratio test (Eq. 21), gate by S, one keypoint a landmark.
+//! 4. Landmarks still without a keypoint look into their gates, however wide.
+//! 5. Consensus: robust pose posterior from all matches, then each match is
 //!    gated by what is left of S; repeated once without the outliers.
 //!
 //! The outcome is the same for all particles, so that their weights compare.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use feature_kdtree::{Descriptor, DescriptorIndex};
+use feature_kdtree::{DescriptorIndex, distance_squared};
 use nalgebra::{Matrix2, Vector2, Vector3};
+use rayon::prelude::*;
 
 use super::catalogue::{Catalogue, Stage};
 use super::frame::FrameFeatures;
 use crate::filter::landmark::{Landmark, Lens};
-use crate::filter::pose::PlacedCamera;
 use crate::filter::likelihood::{Likelihood, mahalanobis_2d};
 use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::filter::particle::Particle;
+use crate::filter::pose::PlacedCamera;
 
 /// Settings of the association.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +62,16 @@ pub struct Predicted {
 }
 
 impl Predicted {
+    /// The landmark in the reference particle with the measurement of `feature`.
+    #[must_use]
+    pub fn measured(&self, feature: &MatchedFeature) -> Prepared {
+        Prepared {
+            pixel: feature.pixel,
+            scoring: feature.scoring,
+            ..self.prepared
+        }
+    }
+
     /// Angle between the rays of the first sighting and of `pixel`, radians, as
     /// far as the pose explains it: the rotation is taken out.
     #[must_use]
@@ -69,7 +80,11 @@ impl Predicted {
         let seen = camera
             .camera_from_world
             .tr_mul(&Vector3::new(n.x, n.y, 1.0));
-        self.prepared.geometry.ray(&self.prepared.mean).base.angle(&seen)
+        self.prepared
+            .geometry
+            .ray(&self.prepared.mean)
+            .base
+            .angle(&seen)
     }
 }
 
@@ -99,11 +114,6 @@ pub struct Association {
     pub camera: PlacedCamera,
     /// Pose of the reference particle given the inliers.
     pub posterior: PosePosterior,
-}
-
-/// Squared distance of two descriptors.
-fn distance_squared(a: &Descriptor, b: &Descriptor) -> u32 {
-    feature_kdtree::distance_squared(a, b)
 }
 
 /// Associates `frame` with the catalogue, seen from `reference` under `prior`.
@@ -187,81 +197,153 @@ fn predict(
     in_view
 }
 
-/// Steps 2 and 3: (keypoint, landmark) pairs by landmark id.
+/// Gates no wider than this are searched before the descriptors decide, pixels.
+const NARROW_GATE_PX: f64 = 12.0;
+
+/// Steps 2 to 4: keypoint of each landmark, by landmark id.
 fn match_descriptors(
     frame: &FrameFeatures<'_>,
     catalogue: &Catalogue,
     in_view: &BTreeMap<u32, Predicted>,
     params: &AssociationParams,
 ) -> BTreeMap<u32, usize> {
-    let ratio_squared = f64::from(params.ratio * params.ratio);
-    let mut best: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
-    for (k, descriptor) in frame.features.descriptors.iter().enumerate() {
-        let Some(pixel) = frame.ideal[k] else { continue };
-        let Some(nearest) = catalogue
-            .index()
-            .two_nearest_where(descriptor, &|id| in_view.contains_key(&id))
-        else {
-            continue;
-        };
-        let distinct = nearest.second.as_ref().is_none_or(|second| {
-            f64::from(nearest.first.distance_squared)
-                < ratio_squared * f64::from(second.distance_squared)
-        });
-        let predicted = &in_view[&nearest.first.id];
-        if !distinct || mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) > params.gate
-        {
-            continue;
-        }
-        let candidate = (nearest.first.distance_squared, k);
-        best.entry(nearest.first.id)
-            .and_modify(|b| *b = (*b).min(candidate))
-            .or_insert(candidate);
-    }
-    let mut pairs: BTreeMap<u32, usize> = best.into_iter().map(|(id, (_, k))| (id, k)).collect();
-    let mut used: BTreeSet<usize> = pairs.values().copied().collect();
-    let guided_ratio_squared = f64::from(params.guided_ratio * params.guided_ratio);
-
-    // Best guided candidates first, so that a keypoint goes to its nearest landmark.
-    let mut guided: Vec<(u32, u32, usize)> = Vec::new();
-    for (&id, predicted) in in_view {
-        if pairs.contains_key(&id) {
-            continue;
-        }
-        let Some(entry) = catalogue.get(id) else { continue };
-        let largest = predicted.covariance.symmetric_eigenvalues().max();
-        let radius = (params.gate * largest).sqrt();
-        let mut first = (u32::MAX, usize::MAX);
-        let mut second = u32::MAX;
-        for k in frame.near(&predicted.pixel, radius) {
-            let Some(pixel) = frame.ideal[k] else { continue };
-            if mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) > params.gate {
-                continue;
-            }
-            let d = distance_squared(&entry.descriptor, &frame.features.descriptors[k]);
-            if d < first.0 {
-                second = first.0;
-                first = (d, k);
-            } else {
-                second = second.min(d);
-            }
-        }
-        if first.0 <= params.guided_distance_squared
-            && f64::from(first.0) < guided_ratio_squared * f64::from(second)
-        {
-            guided.push((first.0, id, first.1));
-        }
-    }
-    guided.sort_unstable();
-    for (_, id, k) in guided {
-        if used.insert(k) {
-            pairs.insert(id, k);
-        }
-    }
+    let mut pairs = BTreeMap::new();
+    let mut used = vec![false; frame.ideal.len()];
+    guided(
+        frame,
+        catalogue,
+        in_view,
+        params,
+        NARROW_GATE_PX,
+        &mut pairs,
+        &mut used,
+    );
+    by_index(frame, catalogue, in_view, params, &mut pairs, &mut used);
+    guided(
+        frame,
+        catalogue,
+        in_view,
+        params,
+        f64::INFINITY,
+        &mut pairs,
+        &mut used,
+    );
     pairs
 }
 
-/// Step 4.
+/// The two nearest landmarks in view of every keypoint not used yet, ratio test, gate.
+fn by_index(
+    frame: &FrameFeatures<'_>,
+    catalogue: &Catalogue,
+    in_view: &BTreeMap<u32, Predicted>,
+    params: &AssociationParams,
+    pairs: &mut BTreeMap<u32, usize>,
+    used: &mut [bool],
+) {
+    let ratio_squared = f64::from(params.ratio * params.ratio);
+    let candidates: Vec<Option<(u32, u32)>> = (0..frame.ideal.len())
+        .into_par_iter()
+        .map(|k| {
+            let pixel = frame.ideal[k]?;
+            if used[k] {
+                return None;
+            }
+            let nearest = catalogue
+                .index()
+                .two_nearest_where(&frame.features.descriptors[k], &|id| {
+                    in_view.contains_key(&id)
+                })?;
+            let first = nearest.first;
+            let distinct = nearest.second.is_none_or(|second| {
+                f64::from(first.distance_squared)
+                    < ratio_squared * f64::from(second.distance_squared)
+            });
+            let predicted = &in_view[&first.id];
+            (distinct
+                && mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) <= params.gate)
+                .then_some((first.id, first.distance_squared))
+        })
+        .collect();
+    let mut best: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
+    for (k, candidate) in candidates.into_iter().enumerate() {
+        if let Some((id, distance)) = candidate
+            && !pairs.contains_key(&id)
+        {
+            best.entry(id)
+                .and_modify(|b| *b = (*b).min((distance, k)))
+                .or_insert((distance, k));
+        }
+    }
+    for (id, (_, k)) in best {
+        pairs.insert(id, k);
+        used[k] = true;
+    }
+}
+
+/// Landmarks without a keypoint look into their own gates of at most
+/// `radius_limit` pixels; the best pairs are served first.
+fn guided(
+    frame: &FrameFeatures<'_>,
+    catalogue: &Catalogue,
+    in_view: &BTreeMap<u32, Predicted>,
+    params: &AssociationParams,
+    radius_limit: f64,
+    pairs: &mut BTreeMap<u32, usize>,
+    used: &mut [bool],
+) {
+    let ratio_squared = f64::from(params.guided_ratio * params.guided_ratio);
+    let open: Vec<(u32, &Predicted)> = in_view
+        .iter()
+        .filter(|(id, _)| !pairs.contains_key(id))
+        .map(|(id, p)| (*id, p))
+        .collect();
+    let mut found: Vec<(u32, u32, usize)> = open
+        .into_par_iter()
+        .filter_map(|(id, predicted)| {
+            let entry = catalogue.get(id)?;
+            let radius = (params.gate * largest_eigenvalue(&predicted.covariance)).sqrt();
+            if radius > radius_limit {
+                return None;
+            }
+            let mut first = (u32::MAX, usize::MAX);
+            let mut second = u32::MAX;
+            for k in frame.near(&predicted.pixel, radius) {
+                let Some(pixel) = frame.ideal[k] else {
+                    continue;
+                };
+                if mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) > params.gate {
+                    continue;
+                }
+                let d = distance_squared(&entry.descriptor, &frame.features.descriptors[k]);
+                if d < first.0 {
+                    second = first.0;
+                    first = (d, k);
+                } else {
+                    second = second.min(d);
+                }
+            }
+            (first.0 <= params.guided_distance_squared
+                && f64::from(first.0) < ratio_squared * f64::from(second))
+            .then_some((first.0, id, first.1))
+        })
+        .collect();
+    found.sort_unstable();
+    for (_, id, k) in found {
+        if !used[k] {
+            used[k] = true;
+            pairs.insert(id, k);
+        }
+    }
+}
+
+/// Larger eigenvalue of a symmetric 2 x 2, closed form.
+fn largest_eigenvalue(m: &Matrix2<f64>) -> f64 {
+    let half = 0.5 * (m[(0, 0)] + m[(1, 1)]);
+    let difference = 0.5 * (m[(0, 0)] - m[(1, 1)]);
+    half + difference.hypot(m[(0, 1)])
+}
+
+/// Step 5.
 fn consensus(
     frame: &FrameFeatures<'_>,
     pairs: BTreeMap<u32, usize>,
@@ -311,8 +393,7 @@ fn consensus(
             &used,
             params.iterations,
         );
-        let linearisation =
-            PoseLinearisation::new(prior, &posterior, &likelihood.body_from_camera);
+        let linearisation = PoseLinearisation::new(prior, &posterior, &likelihood.body_from_camera);
         for ((_, prepared), keep) in candidates.iter().zip(&mut keep) {
             *keep = linearisation
                 .linearise(&likelihood.lens, prepared)
@@ -349,8 +430,7 @@ fn scoring(
     let Some(sigma_rho) = prepared.open_sigma(params.open_depth) else {
         return Scoring::Full;
     };
-    let camera =
-        PlacedCamera::new(&prior.mean, &likelihood.body_from_camera);
+    let camera = PlacedCamera::new(&prior.mean, &likelihood.body_from_camera);
     match likelihood
         .lens
         .parameter_jacobian(&camera, &prepared.geometry, &prepared.mean)

@@ -7,7 +7,9 @@
 
 use std::collections::BTreeMap;
 
-use feature_kdtree::{Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams};
+use feature_kdtree::{
+    Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams, distance_squared,
+};
 use nalgebra::{Vector2, Vector3};
 
 use crate::filter::landmark::Landmark;
@@ -21,6 +23,10 @@ const LOG_ODDS_MISSED: f64 = -0.865;
 const LOG_ODDS_CEILING: f64 = 5.0;
 /// Removed below this: odds of 1 to 20 against.
 const LOG_ODDS_FLOOR: f64 = -3.0;
+
+/// Squared descriptor distance at which the index learns the new look: half of
+/// what separates most true matches from false ones.
+const REINDEX_DISTANCE_SQUARED: u32 = 120 * 120;
 
 /// Whether the particles hold the landmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +53,9 @@ pub struct Entry {
     pub stage: Stage,
     /// Descriptor of the last sighting.
     pub descriptor: Box<Descriptor>,
+    /// Descriptor the index holds: renewed when the look has changed, since
+    /// every change of the index costs.
+    indexed: Box<Descriptor>,
     /// Gaussian after the first sighting, in the anchor camera.
     pub prototype: Landmark,
     /// First sighting.
@@ -126,6 +135,7 @@ impl Catalogue {
             Entry {
                 stage: Stage::Tentative,
                 descriptor: Box::new(*descriptor),
+                indexed: Box::new(*descriptor),
                 prototype,
                 first: sighting,
                 last: sighting,
@@ -149,8 +159,11 @@ impl Catalogue {
         direction: Vector3<f64>,
     ) -> Result<(), IndexError> {
         if let Some(entry) = self.entries.get_mut(&id) {
-            self.index.remove(id);
-            self.index.insert(id, descriptor)?;
+            if distance_squared(&entry.indexed, descriptor) > REINDEX_DISTANCE_SQUARED {
+                self.index.remove(id);
+                self.index.insert(id, descriptor)?;
+                *entry.indexed = *descriptor;
+            }
             *entry.descriptor = *descriptor;
             entry.last = sighting;
             entry.last_direction = direction;

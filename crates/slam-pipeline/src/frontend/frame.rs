@@ -1,7 +1,7 @@
 //! The keypoints of one frame, undistorted.
 
-use kiddo::float::kdtree::KdTree;
 use kiddo::SquaredEuclidean;
+use kiddo::float::kdtree::KdTree;
 use mono_geometry::Camera;
 use nalgebra::Vector2;
 use vision_sift::Features;
@@ -40,7 +40,11 @@ impl<'a> FrameFeatures<'a> {
                 tree.add(&[p.x, p.y], i as u64);
             }
         }
-        Self { features, ideal, tree }
+        Self {
+            features,
+            ideal,
+            tree,
+        }
     }
 
     /// Keypoints within `radius_px` of `pixel`, in index order.

@@ -76,6 +76,20 @@ pub fn write_run(run: &RunRecord, dir: &Path) -> Result<(), OutputError> {
     commit(pending, dir)
 }
 
+/// Writes one file so that it appears whole or not at all.
+///
+/// The folder it goes to must exist.
+///
+/// # Errors
+/// [`OutputError::Io`] when the file system refuses.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let parent = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    commit(vec![PendingFile::write(path, bytes)?], parent)
+}
+
 /// Reads a finished run back from its folder, for the report and for evaluation.
 ///
 /// # Errors
@@ -92,11 +106,10 @@ pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
 /// As [`read_run`], and [`OutputError::Io`] when the page cannot be written.
 pub fn rebuild_report(dir: &Path) -> Result<(), OutputError> {
     let run = read_run(dir)?;
-    let page = PendingFile::write(
+    write_file(
         &dir.join("report.html"),
         report::render_html(&run).as_bytes(),
-    )?;
-    commit(vec![page], dir)
+    )
 }
 
 /// A result with a NaN or an infinity in it is refused whole, with the first place named.

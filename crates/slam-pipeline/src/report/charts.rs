@@ -291,8 +291,11 @@ fn innovation_chart(run: &RunRecord) -> String {
     )
 }
 
+/// Name, colour and value of a stage.
+type Stage = (&'static str, Colour, fn(&StageTimes) -> f64);
+
 fn stage_chart(run: &RunRecord) -> String {
-    let stages: [(&str, Colour, fn(&StageTimes) -> f64); 6] = [
+    let stages: [Stage; 6] = [
         ("decode", Colour::Grey, |times| times.decode_ms),
         ("features", Colour::Blue, |times| times.features_ms),
         ("association", Colour::Teal, |times| times.association_ms),

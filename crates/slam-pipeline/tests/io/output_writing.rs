@@ -23,6 +23,9 @@ const FILES: [&str; 9] = [
     "trajectory_smoothed.tum",
 ];
 
+/// What is broken, and how to break it.
+type Damage = (&'static str, fn(&mut slam_pipeline::record::RunRecord));
+
 fn names(dir: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(dir)
         .unwrap()
@@ -266,19 +269,21 @@ fn damaged_report_data_is_an_error() {
 fn a_result_that_is_not_finite_is_refused_before_anything_is_written() {
     let folder = ScratchFolder::new();
     let out = folder.path().join("out");
-    let damages: [(&str, fn(&mut slam_pipeline::record::RunRecord)); 5] = [
+    let damages: [Damage; 5] = [
         ("time or pose of frame 3", |run| {
-            run.frames[3].pose.phi = f64::NAN
+            run.frames[3].pose.phi = f64::NAN;
         }),
         ("covariance of frame 2", |run| {
-            run.frames[2].covariance[(1, 2)] = f64::INFINITY
+            run.frames[2].covariance[(1, 2)] = f64::INFINITY;
         }),
-        ("landmark 6", |run| run.landmarks[2].position.z = f64::NAN),
+        ("landmark 6", |run| {
+            run.landmarks[2].position.z = f64::NAN;
+        }),
         ("pose 4 of the smoothed path", |run| {
-            run.smoothed[4].1.y = f64::NAN
+            run.smoothed[4].1.y = f64::NAN;
         }),
         ("pose 1 of dead reckoning", |run| {
-            run.dead_reckoning[1].y = f64::NEG_INFINITY
+            run.dead_reckoning[1].y = f64::NEG_INFINITY;
         }),
     ];
     for (what, damage) in damages {

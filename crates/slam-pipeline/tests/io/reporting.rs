@@ -120,9 +120,9 @@ fn odd_runs_have_a_page_too() {
         |run| run.snapshots.clear(),
         |run| run.dead_reckoning.clear(),
         |run| {
-            run.frames
-                .iter_mut()
-                .for_each(|frame| frame.keyframe = false)
+            for frame in &mut run.frames {
+                frame.keyframe = false;
+            }
         },
         |run| run.particles = 0,
     ];

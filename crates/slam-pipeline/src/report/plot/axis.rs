@@ -17,7 +17,8 @@ pub fn nice_ticks(low: f64, high: f64, wanted: usize) -> Vec<f64> {
         .unwrap_or(10.0 * power);
     let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
     // A range far from zero and narrower than its rounding has no distinct ticks.
-    if !(step > 0.0) || !(last - first).is_finite() || last - first > 1000.0 {
+    let steps = last - first;
+    if step <= 0.0 || !steps.is_finite() || steps > 1000.0 {
         return Vec::new();
     }
     let count = (last - first).max(-1.0) as i64;

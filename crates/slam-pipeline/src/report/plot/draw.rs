@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::legend::legend_svg;
 use super::{Colour, Ellipse, Layer, Plot, escape, nice_ticks, thin, tick_label};
 
 /// Columns to which long lines are thinned.
@@ -58,7 +59,7 @@ pub(super) fn svg(plot: &Plot, own_file: bool) -> String {
             Colour::Ink,
             escape(&plot.title)
         );
-        legend_svg(&mut out, plot, &frame);
+        legend_svg(&mut out, plot, frame.left);
     }
     axes(&mut out, plot, &frame);
     let _ = write!(
@@ -72,74 +73,6 @@ pub(super) fn svg(plot: &Plot, own_file: bool) -> String {
     hints(&mut out, plot, &frame);
     out.push_str("</g></svg>");
     out
-}
-
-/// Legend entries as HTML.
-pub(super) fn legend_html(plot: &Plot) -> String {
-    let mut out = String::new();
-    for (label, colour, class) in entries(plot) {
-        let _ = write!(
-            out,
-            "<span class=\"key\"><i class=\"{class}\" style=\"--c:{colour}\"></i>{}</span>",
-            escape(&label)
-        );
-    }
-    out
-}
-
-fn legend_svg(out: &mut String, plot: &Plot, frame: &Frame) {
-    let font = plot.font_size;
-    let mut x = frame.left;
-    for (label, colour, _) in entries(plot) {
-        let y = 3.1 * font;
-        let _ = write!(
-            out,
-            "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"4\" rx=\"2\" fill=\"{colour}\"/><text x=\"{:.1}\" y=\"{y:.1}\" fill=\"{}\">{}</text>",
-            y - 0.5 * font,
-            1.4 * font,
-            x + 1.8 * font,
-            Colour::Ink,
-            escape(&label)
-        );
-        // Text is about 0.55 of its size wide a letter.
-        x += (2.8 + 0.55 * label.chars().count() as f64) * font;
-    }
-}
-
-/// (label, colour, shape) of every layer with a name.
-fn entries(plot: &Plot) -> Vec<(String, Colour, &'static str)> {
-    let mut entries = Vec::new();
-    for layer in &plot.layers {
-        match layer {
-            Layer::Line {
-                label,
-                colour,
-                dashed,
-                ..
-            } => {
-                entries.push((
-                    label.clone(),
-                    *colour,
-                    if *dashed { "dash" } else { "line" },
-                ));
-            }
-            Layer::Band { label, colour, .. } => entries.push((label.clone(), *colour, "band")),
-            Layer::Dots { label, colour, .. } => entries.push((label.clone(), *colour, "dot")),
-            Layer::Ellipses { label, colour, .. } => entries.push((label.clone(), *colour, "ring")),
-            Layer::Stack { parts, .. } => {
-                entries.extend(
-                    parts
-                        .iter()
-                        .map(|(label, colour)| (label.clone(), *colour, "area")),
-                );
-            }
-            Layer::Marks { label, colour, .. } => entries.push((label.clone(), *colour, "mark")),
-            Layer::Level { label, colour, .. } => entries.push((label.clone(), *colour, "dash")),
-            Layer::Arrow { label, colour, .. } => entries.push((label.clone(), *colour, "dot")),
-        }
-    }
-    entries.retain(|(label, _, _)| !label.is_empty());
-    entries
 }
 
 fn layout(plot: &Plot, own_file: bool) -> (Frame, f64) {
@@ -216,7 +149,7 @@ fn range(plot: &Plot, pick: impl Fn((f64, f64)) -> f64) -> (f64, f64) {
     for layer in &plot.layers {
         match layer {
             Layer::Line { points, .. } | Layer::Dots { points, .. } => {
-                points.iter().copied().for_each(&mut cover)
+                points.iter().copied().for_each(&mut cover);
             }
             Layer::Band { points, .. } => {
                 for &(x, low, high) in points {
@@ -225,7 +158,7 @@ fn range(plot: &Plot, pick: impl Fn((f64, f64)) -> f64) -> (f64, f64) {
                 }
             }
             Layer::Ellipses { ellipses, .. } => {
-                ellipses.iter().for_each(|ellipse| cover(ellipse.centre))
+                ellipses.iter().for_each(|ellipse| cover(ellipse.centre));
             }
             Layer::Stack { points, .. } => {
                 for (x, values) in points {
@@ -646,6 +579,6 @@ mod tests {
         assert!(text.contains(">A &amp; B</text>") && text.contains(">way</text>"));
         let inside = svg(&square("A & B"), false);
         assert!(!inside.contains(">way</text>"));
-        assert!(legend_html(&square("A & B")).contains("way</span>"));
+        assert!(super::super::legend::legend_html(&square("A & B")).contains("way</span>"));
     }
 }

@@ -17,6 +17,7 @@
 mod axis;
 mod colour;
 mod draw;
+mod legend;
 mod thinning;
 
 pub use axis::{nice_ticks, tick_label};
@@ -216,7 +217,7 @@ impl Plot {
 
     /// The legend as HTML: one `<span>` an entry.
     pub fn legend_html(&self) -> String {
-        draw::legend_html(self)
+        legend::legend_html(self)
     }
 }
 
@@ -232,7 +233,7 @@ pub fn escape(text: &str) -> String {
             '\'' => escaped.push_str("&#39;"),
             // Control characters have no place in either; tabs and ends of lines do.
             letter if letter.is_control() && !matches!(letter, '\n' | '\t') => {
-                escaped.push('\u{fffd}')
+                escaped.push('\u{fffd}');
             }
             letter => escaped.push(letter),
         }

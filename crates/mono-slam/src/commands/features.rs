@@ -1,0 +1,104 @@
+//! `mono-slam features`: keypoints and descriptors of images as CSV.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use slam_pipeline::config::Config;
+use slam_pipeline::output::write_file;
+use slam_pipeline::run::detector_of;
+use vision_sift::{Features, GrayImage, Workspace};
+
+use crate::failure::Failure;
+
+/// What to detect.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// PNG or JPEG images
+    #[arg(value_name = "IMAGE", required = true)]
+    images: Vec<PathBuf>,
+    /// CSV file for one image, folder for several
+    #[arg(long, value_name = "FILE|DIR")]
+    out: PathBuf,
+}
+
+/// Detects and writes.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    // All images are detected before anything is written.
+    let tables = arguments
+        .images
+        .iter()
+        .map(|path| Ok(csv(&detect(path)?.1)))
+        .collect::<Result<Vec<_>, Failure>>()?;
+    if let [table] = tables.as_slice()
+        && !arguments.out.is_dir()
+    {
+        return Ok(write_file(&arguments.out, table.as_bytes())?);
+    }
+    std::fs::create_dir_all(&arguments.out).map_err(|e| {
+        Failure::input(format!(
+            "{}: expected a folder, {e}",
+            arguments.out.display()
+        ))
+    })?;
+    for (path, table) in arguments.images.iter().zip(tables) {
+        let stem = path.file_stem().unwrap_or(path.as_os_str());
+        let mut name = stem.to_os_string();
+        name.push(".csv");
+        write_file(&arguments.out.join(name), table.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The grey image at `path` and its features under the default configuration.
+pub(crate) fn detect(path: &Path) -> Result<(image::GrayImage, Features), Failure> {
+    let image = image::ImageReader::open(path)
+        .map_err(|e| Failure::input(format!("{}: expected an image, {e}", path.display())))?
+        .with_guessed_format()
+        .map_err(|e| Failure::input(format!("{}: expected an image, {e}", path.display())))?
+        .decode()
+        .map_err(|e| {
+            Failure::input(format!(
+                "{}: expected a PNG or JPEG image, {e}",
+                path.display()
+            ))
+        })?
+        .into_luma8();
+    let config = Config::default()
+        .check()
+        .map_err(|e| Failure::input(e.to_string()))?;
+    let view = GrayImage::new(
+        image.width() as usize,
+        image.height() as usize,
+        image.as_raw(),
+    )
+    .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+    let mut features = Features::default();
+    detector_of(&config)
+        .and_then(|d| d.detect(&view, &mut Workspace::new(), &mut features))
+        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+    Ok((image, features))
+}
+
+fn csv(features: &Features) -> String {
+    let mut text = String::from("x,y,sigma,angle_deg,response");
+    for i in 0..128 {
+        let _ = write!(text, ",d{i}");
+    }
+    text.push('\n');
+    for (k, d) in features.keypoints.iter().zip(&features.descriptors) {
+        let _ = write!(
+            text,
+            "{},{},{},{},{}",
+            k.x,
+            k.y,
+            k.sigma,
+            k.angle.to_degrees(),
+            k.response
+        );
+        for v in d {
+            let _ = write!(text, ",{v}");
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,213 @@
+//! `mono-slam run`: a sequence folder in, a folder of results out.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use slam_pipeline::config::{Config, Method, ValidConfig};
+use slam_pipeline::evaluation::{Alignment, absolute_error, spatial};
+use slam_pipeline::output::write_run;
+use slam_pipeline::record::RunRecord;
+use slam_pipeline::run::{Progress, run_sequence};
+use slam_pipeline::sequence::Sequence;
+
+use super::{check_ate, metres};
+use crate::failure::Failure;
+
+/// Seconds between two lines of progress where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(3);
+
+/// What to run and how.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Sequence folder: images/, times.txt, camera.toml, odometry.csv
+    #[arg(value_name = "SEQ")]
+    sequence: PathBuf,
+    /// Folder for the results; made when the run has succeeded
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Configuration file; `mono-slam config` prints the default
+    #[arg(long, value_name = "slam.toml")]
+    config: Option<PathBuf>,
+    /// Which filter runs
+    #[arg(long, value_enum)]
+    method: Option<MethodName>,
+    /// Number of particles
+    #[arg(long)]
+    particles: Option<u32>,
+    /// Seed of all random numbers
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Threads; 0 takes all cores, the results do not depend on it
+    #[arg(long)]
+    threads: Option<u32>,
+    /// No progress, no summary
+    #[arg(long)]
+    quiet: bool,
+    /// Exit with code 3 when the error against the sequence's reference is larger
+    #[arg(long, value_name = "METRES", value_parser = metres)]
+    max_ate: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum MethodName {
+    /// The paper's filter made exact
+    Novel,
+    /// The paper's printed formulas
+    Paper,
+    /// Poses from odometry, weights from the likelihood
+    Conventional,
+}
+
+/// Runs and writes the results.
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let config = configuration(arguments)?;
+    let sequence = Sequence::open(&arguments.sequence)?;
+    if arguments.max_ate.is_some() && sequence.reference.is_none() {
+        return Err(Failure::input(format!(
+            "--max-ate needs a reference path, {} has none",
+            arguments.sequence.display()
+        )));
+    }
+    let started = Instant::now();
+    let clock = move || started.elapsed().as_secs_f64();
+    let reporter = Reporter::new(arguments.quiet, sequence.images.len());
+    let record = run_sequence(&sequence, &config, &clock, &mut |p| reporter.report(p))?;
+    reporter.finish();
+    write_run(&record, &arguments.out)?;
+    let ate = ate_m(&record)?;
+    if !arguments.quiet {
+        tell(&summary(&record, ate, &arguments.out.display().to_string()));
+    }
+    match ate {
+        Some(ate) => check_ate(ate, arguments.max_ate),
+        None => Ok(()),
+    }
+}
+
+fn configuration(arguments: &Arguments) -> Result<ValidConfig, Failure> {
+    let mut config = match &arguments.config {
+        None => Config::default(),
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(|e| {
+                Failure::input(format!(
+                    "{}: expected a configuration file, {e}",
+                    path.display()
+                ))
+            })?;
+            Config::from_toml_str(&text)
+                .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
+        }
+    };
+    if let Some(method) = arguments.method {
+        config.filter.method = match method {
+            MethodName::Novel => Method::Novel,
+            MethodName::Paper => Method::Paper,
+            MethodName::Conventional => Method::Conventional,
+        };
+    }
+    if let Some(particles) = arguments.particles {
+        config.filter.particles = particles;
+    }
+    if let Some(seed) = arguments.seed {
+        config.filter.seed = seed;
+    }
+    if let Some(threads) = arguments.threads {
+        config.filter.threads = threads;
+    }
+    config.check().map_err(|e| Failure::input(e.to_string()))
+}
+
+/// Position error against the reference without alignment, metres.
+fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
+    let Some(reference) = &record.reference else {
+        return Ok(None);
+    };
+    let estimate: Vec<_> = record.frames.iter().map(|f| (f.time_s, f.pose)).collect();
+    let error = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::None)?;
+    Ok(Some(error.translation_m.rmse))
+}
+
+fn summary(record: &RunRecord, ate_m: Option<f64>, out: &str) -> String {
+    let frames = record.frames.len();
+    let error = ate_m.map_or_else(String::new, |e| {
+        format!(", position error {:.1} mm RMSE (no alignment)", e * 1e3)
+    });
+    format!(
+        "{frames} frames in {:.1} s ({:.1} Hz), {} landmarks{error}; results in {out}",
+        record.wall_s,
+        frames as f64 / record.wall_s.max(1e-9),
+        record.landmarks.len(),
+    )
+}
+
+/// One line on standard error; with nobody listening there is nobody to tell.
+fn tell(line: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// A bar on a terminal, a line now and then elsewhere, nothing when quiet.
+enum Reporter {
+    Quiet,
+    Bar(ProgressBar),
+    Lines {
+        started: Instant,
+        last: Mutex<Instant>,
+    },
+}
+
+impl Reporter {
+    fn new(quiet: bool, frames: usize) -> Self {
+        if quiet {
+            return Self::Quiet;
+        }
+        if !std::io::stderr().is_terminal() {
+            let now = Instant::now();
+            return Self::Lines {
+                started: now,
+                last: Mutex::new(now),
+            };
+        }
+        let bar = ProgressBar::new(frames as u64);
+        if let Ok(style) =
+            ProgressStyle::with_template("{bar:32} frame {pos}/{len}  {per_sec}  {eta} left  {msg}")
+        {
+            bar.set_style(style);
+        }
+        Self::Bar(bar)
+    }
+
+    fn report(&self, p: Progress) {
+        match self {
+            Self::Quiet => {}
+            Self::Bar(bar) => {
+                bar.set_message(format!("{} landmarks", p.landmarks));
+                bar.set_position(p.frame as u64);
+            }
+            Self::Lines { started, last } => {
+                let Ok(mut last) = last.lock() else { return };
+                if last.elapsed() < LINE_EVERY {
+                    return;
+                }
+                *last = Instant::now();
+                let rate = p.frame as f64 / started.elapsed().as_secs_f64();
+                tell(&format!(
+                    "frame {}/{}, {rate:.1} Hz, {:.0} s left, {} landmarks",
+                    p.frame,
+                    p.frames,
+                    (p.frames - p.frame) as f64 / rate,
+                    p.landmarks
+                ));
+            }
+        }
+    }
+
+    fn finish(&self) {
+        if let Self::Bar(bar) = self {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! How a command can fail, and the exit code that goes with it.
+
+use std::fmt;
+use std::io::{self, Write as _};
+
+use slam_pipeline::evaluation::EvaluationError;
+use slam_pipeline::output::OutputError;
+use slam_pipeline::run::RunError;
+use slam_pipeline::sequence::SequenceError;
+
+/// A failed command.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The input or the arguments are wrong: exit code 2.
+    Input(anyhow::Error),
+    /// A threshold was not met: exit code 3.
+    Threshold(String),
+    /// Anything else: exit code 1.
+    Other(anyhow::Error),
+}
+
+impl Failure {
+    /// Bad input described by a sentence.
+    pub(crate) fn input(sentence: String) -> Failure {
+        Failure::Input(anyhow::Error::msg(sentence))
+    }
+
+    /// The process's exit code.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Failure::Other(_) => 1,
+            Failure::Input(_) => 2,
+            Failure::Threshold(_) => 3,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            // The alternate form names the causes too, in one line.
+            Failure::Input(error) | Failure::Other(error) => write!(formatter, "{error:#}"),
+            Failure::Threshold(sentence) => formatter.write_str(sentence),
+        }
+    }
+}
+
+impl From<SequenceError> for Failure {
+    fn from(error: SequenceError) -> Self {
+        Failure::input(error.to_string())
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Sequence(_) | RunError::Camera(_) | RunError::Features(_) => {
+                Failure::input(error.to_string())
+            }
+            RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
+        }
+    }
+}
+
+impl From<EvaluationError> for Failure {
+    fn from(error: EvaluationError) -> Self {
+        Failure::Input(error.into())
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        let sentence = error.to_string();
+        match error {
+            OutputError::Malformed { .. } | OutputError::Io { action: "read", .. } => {
+                Failure::input(sentence)
+            }
+            _ => Failure::Other(anyhow::Error::msg(sentence)),
+        }
+    }
+}
+
+/// Writes to standard output; a reader that went away (`| head`) is no failure.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::Other(
+            anyhow::Error::new(error).context("standard output cannot be written"),
+        )),
+        _ => Ok(()),
+    }
+}

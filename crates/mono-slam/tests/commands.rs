@@ -1,0 +1,226 @@
+//! The program as its user sees it: what it prints and the code it ends with.
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a helper that fails is a test that fails"
+)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use slam_pipeline::output::write_run;
+use slam_pipeline::record::RunRecord;
+
+fn mono_slam(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_mono-slam"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// One sentence in one line, nothing on standard output.
+fn assert_refused(output: &Output, expected_code: i32, expected: &str) {
+    let message = stderr(output);
+    assert_eq!(code(output), expected_code, "{message}");
+    assert!(
+        message.starts_with("mono-slam: ") && message.contains(expected),
+        "{message}"
+    );
+    assert_eq!(message.lines().count(), 1, "{message}");
+}
+
+/// A fresh folder, removed when the value is dropped.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Scratch {
+        static NEXT: AtomicUsize = AtomicUsize::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let path =
+            std::env::temp_dir().join(format!("mono-slam-cli-{}-{number}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Scratch(path)
+    }
+
+    fn file(&self, name: &str, text: &str) -> String {
+        let path = self.0.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_string()
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // Leaving a folder behind is no reason to fail a test.
+        drop(fs::remove_dir_all(&self.0));
+    }
+}
+
+/// A right angle of 1 m steps, and the same path 3 cm higher along y.
+fn pair(scratch: &Scratch) -> (String, String) {
+    let reference = "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n3 2 1 0 0 0 0 1\n";
+    let estimate =
+        "0 0 0.03 0 0 0 0 1\n1 1 0.03 0 0 0 0 1\n2 2 0.03 0 0 0 0 1\n3 2 1.03 0 0 0 0 1\n";
+    (
+        scratch.file("estimate.tum", estimate),
+        scratch.file("reference.tum", reference),
+    )
+}
+
+#[test]
+fn eval_prints_the_errors() {
+    let scratch = Scratch::new();
+    let (estimate, reference) = pair(&scratch);
+    let output = mono_slam(&["eval", &estimate, &reference]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(
+        text.starts_with("4 matched poses, alignment none\n"),
+        "{text}"
+    );
+    let ate = text
+        .lines()
+        .find(|line| line.starts_with("ATE position (m)"))
+        .unwrap();
+    let numbers: Vec<&str> = ate.split_whitespace().skip(3).collect();
+    assert_eq!(numbers, ["0.030000"; 5]);
+    assert!(output.stderr.is_empty());
+}
+
+#[test]
+fn eval_prints_json() {
+    let scratch = Scratch::new();
+    let (estimate, reference) = pair(&scratch);
+    for (align, expected) in [("none", 0.03), ("se2", 0.0), ("se3", 0.0), ("sim3", 0.0)] {
+        let output = mono_slam(&["eval", &estimate, &reference, "--align", align, "--json"]);
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let rmse = value["ate"]["translation_m"]["rmse"].as_f64().unwrap();
+        assert!((rmse - expected).abs() < 1e-12, "{align}: {rmse}");
+        assert_eq!(value["alignment"], align);
+        assert_eq!(
+            (value["pairs"].as_u64(), value["rpe"]["steps"].as_u64()),
+            (Some(4), Some(3))
+        );
+    }
+}
+
+#[test]
+fn a_threshold_that_is_not_met_ends_with_three() {
+    let scratch = Scratch::new();
+    let (estimate, reference) = pair(&scratch);
+    assert_eq!(
+        code(&mono_slam(&[
+            "eval",
+            &estimate,
+            &reference,
+            "--max-ate",
+            "0.031"
+        ])),
+        0
+    );
+    let output = mono_slam(&["eval", &estimate, &reference, "--max-ate", "0.029"]);
+    assert_refused(&output, 3, "is 0.030000 m RMSE, --max-ate allows 0.029 m");
+    assert!(
+        stdout(&output).contains("ATE position"),
+        "the figures are printed all the same"
+    );
+}
+
+#[test]
+fn bad_input_ends_with_two() {
+    let scratch = Scratch::new();
+    let (estimate, reference) = pair(&scratch);
+    let missing = scratch.path().join("missing.tum");
+    assert_refused(
+        &mono_slam(&["eval", &estimate, missing.to_str().unwrap()]),
+        2,
+        "missing.tum: cannot be read: ",
+    );
+    let wrong = scratch.file("wrong.tum", "0 0 0 0 0 0 0 1\n1 0 0 nan 0 0 0 1\n");
+    let expected = "wrong.tum, line 2: expected a finite number for z, found \"nan\"";
+    assert_refused(&mono_slam(&["eval", &wrong, &reference]), 2, expected);
+    let later = scratch.file("later.tum", "100 0 0 0 0 0 0 1\n");
+    assert_refused(
+        &mono_slam(&["eval", &later, &reference]),
+        2,
+        "no pose of the estimate",
+    );
+    let output = mono_slam(&["eval", &estimate, &reference, "--delta", "9"]);
+    assert_refused(
+        &output,
+        2,
+        "a relative error over 9 frames needs at least 10 matched poses, found 4",
+    );
+}
+
+#[test]
+fn bad_arguments_end_with_two_and_help_with_zero() {
+    for arguments in [
+        &["eval"][..],
+        &["fly"],
+        &["eval", "a", "b", "--align", "sideways"],
+        &["eval", "a", "b", "--max-ate", "-1"],
+        &["eval", "a", "b", "--max-ate", "nan"],
+        &[],
+    ] {
+        let output = mono_slam(arguments);
+        assert_eq!(code(&output), 2, "{arguments:?}");
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty());
+    }
+    for arguments in [["--help"], ["--version"]] {
+        assert_eq!(code(&mono_slam(&arguments)), 0);
+    }
+}
+
+#[test]
+fn report_draws_the_page_again() {
+    let scratch = Scratch::new();
+    let run = RunRecord {
+        sequence: "corridor".into(),
+        frames: Vec::new(),
+        smoothed: Vec::new(),
+        landmarks: Vec::new(),
+        dead_reckoning: Vec::new(),
+        reference: None,
+        snapshots: Vec::new(),
+        configuration: String::new(),
+        seed: 1,
+        particles: 50,
+        method: "novel".into(),
+        wall_s: 1.0,
+    };
+    write_run(&run, scratch.path()).unwrap();
+    let page = fs::read(scratch.path().join("report.html")).unwrap();
+    fs::remove_file(scratch.path().join("report.html")).unwrap();
+    let dir = scratch.path().to_str().unwrap();
+    let output = mono_slam(&["report", dir]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(output.stdout.is_empty() && output.stderr.is_empty());
+    assert_eq!(fs::read(scratch.path().join("report.html")).unwrap(), page);
+
+    fs::write(scratch.path().join("map.slam"), "no map").unwrap();
+    assert_refused(&mono_slam(&["report", dir]), 2, "map.slam: expected a map");
+    assert_refused(
+        &mono_slam(&["report", "no/such/run"]),
+        2,
+        "cannot be read: ",
+    );
+}

@@ -1,0 +1,242 @@
+//! How far the whole estimate may have drifted, beyond what the particles show.
+//!
+//! After some resamplings all particles share one ancestor, and their spread
+//! says nothing of the error of the common path. That error is propagated here
+//! in closed form, next to the filter. Let e_t = (dx, dy, dphi) be the error of
+//! keyframe t. Landmarks anchored at keyframe a carry e_a with them, so with
+//! Lambda_a the information that group gives about pose t, and Lambda the total,
+//!
+//! e_t = sum_a Lambda^-1 Lambda_a T_ta e_a + (rest) T_{t,t-1} e_{t-1} + w_t,
+//!
+//! T_ta moves a rigid error from a to t, the rest is odometry. The surviving
+//! path is a draw from the posterior around a mean that is itself in error by as
+//! much: w_t ~ N(0, 2 Lambda^-1). The joint covariance of all e is kept, so a
+//! closed loop ties the present to its old anchors. Calibration errors and
+//! landmarks that share later keyframes are not in it.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::landmark::Lens;
+use super::linearised::{PoseLinearisation, PosePosterior};
+use super::motion::{MotionPrior, PoseMatrix};
+use super::observation::{Prepared, Scoring};
+
+/// Keyframes whose joint covariance is kept; an older anchor counts as the
+/// oldest of them. Memory: 72 bytes times its square.
+const WINDOW: usize = 256;
+
+/// Rows of the pose tangent that are planar: x, y, phi.
+const PLANAR: [usize; 3] = [0, 1, 3];
+
+/// What a keyframe's pose leans on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Support {
+    /// Lambda^-1 Lambda_a, planar part, by anchor keyframe.
+    pub gains: BTreeMap<u32, Matrix3<f64>>,
+    /// Lambda^-1, planar part.
+    pub covariance: Matrix3<f64>,
+}
+
+impl Support {
+    /// The support of `posterior`; `matches` with the anchor keyframe of each;
+    /// `scale` metres per unit of the particle.
+    #[must_use]
+    pub fn new(
+        lens: &Lens,
+        body_from_camera: &Matrix3<f64>,
+        prior: &MotionPrior,
+        posterior: &PosePosterior,
+        scale: f64,
+        matches: &[(u32, Prepared)],
+    ) -> Option<Self> {
+        let linearisation = PoseLinearisation::new(prior, posterior, body_from_camera);
+        let mut information: BTreeMap<u32, PoseMatrix> = BTreeMap::new();
+        for (anchor, prepared) in matches {
+            let Some(line) = linearisation.linearise(lens, prepared) else {
+                continue;
+            };
+            let sum = information.entry(*anchor).or_insert_with(PoseMatrix::zeros);
+            match prepared.scoring {
+                Scoring::Full => {
+                    if let Some(c) = line.noise.cholesky() {
+                        *sum += line.slope.tr_mul(&c.solve(&line.slope));
+                    }
+                }
+                Scoring::AcrossEpipolar => {
+                    let row = line.slope.tr_mul(&line.across);
+                    let variance = (line.across.transpose() * line.noise * line.across)[(0, 0)];
+                    *sum += row * row.transpose() / variance;
+                }
+                Scoring::MapOnly => {}
+            }
+        }
+        // x = F xi', Lambda^-1 = F F^T: Lambda^-1 Lambda_a = F M_a F^-1.
+        let factor = prior.factor * posterior.factor;
+        let inverse = factor.solve_lower_triangular(&PoseMatrix::identity())?;
+        let metric = Matrix3::from_diagonal(&Vector3::new(scale, scale, 1.0));
+        let unit = Matrix3::from_diagonal(&Vector3::new(1.0 / scale, 1.0 / scale, 1.0));
+        let gains = information
+            .into_iter()
+            .map(|(a, m)| {
+                let gain = planar(&(factor * m * inverse));
+                (a, metric * gain * unit)
+            })
+            .collect();
+        Some(Self {
+            gains,
+            covariance: metric * planar(&(factor * factor.transpose())) * metric,
+        })
+    }
+}
+
+fn planar(m: &PoseMatrix) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| m[(PLANAR[i], PLANAR[j])])
+}
+
+/// Rigid error at `to` caused by a rigid error at `from`.
+fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
+    let d = to - from;
+    Matrix3::new(1.0, 0.0, -d.y, 0.0, 1.0, d.x, 0.0, 0.0, 1.0)
+}
+
+/// Joint covariance of the errors of the last keyframes.
+#[derive(Debug, Clone, Default)]
+pub struct Drift {
+    oldest: u32,
+    positions: VecDeque<Vector2<f64>>,
+    /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
+    rows: VecDeque<VecDeque<Matrix3<f64>>>,
+}
+
+impl Drift {
+    /// Adds the next keyframe at `position` (metres) and returns cov(e_t, e_t).
+    ///
+    /// `support` is `None` at the first keyframe, which has no error by
+    /// definition, and after a frame whose support could not be computed; then
+    /// `odometry` alone carries the error on. Time O(window x anchors).
+    pub fn push(
+        &mut self,
+        position: Vector2<f64>,
+        support: Option<&Support>,
+        odometry: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        let count = self.positions.len();
+        let mut gains: Vec<(usize, Matrix3<f64>)> = Vec::new();
+        let mut fresh = Matrix3::zeros();
+        if count > 0 {
+            let mut rest = Matrix3::identity();
+            if let Some(support) = support {
+                fresh = support.covariance * 2.0;
+                for (anchor, gain) in &support.gains {
+                    let slot = (anchor.saturating_sub(self.oldest) as usize).min(count - 1);
+                    gains.push((slot, gain * transport(&self.positions[slot], &position)));
+                    rest -= gain;
+                }
+            } else {
+                fresh = *odometry;
+            }
+            gains.push((
+                count - 1,
+                rest * transport(&self.positions[count - 1], &position),
+            ));
+        }
+        let mut row: VecDeque<Matrix3<f64>> = (0..count)
+            .map(|b| {
+                gains
+                    .iter()
+                    .map(|(a, g)| g * self.block(*a, b))
+                    .sum::<Matrix3<f64>>()
+            })
+            .collect();
+        let own = gains
+            .iter()
+            .map(|(a, g)| row[*a] * g.transpose())
+            .sum::<Matrix3<f64>>()
+            + fresh;
+        let own = (own + own.transpose()) * 0.5;
+        row.push_back(own);
+        self.rows.push_back(row);
+        self.positions.push_back(position);
+        if self.positions.len() > WINDOW {
+            self.positions.pop_front();
+            self.rows.pop_front();
+            for r in &mut self.rows {
+                r.pop_front();
+            }
+            self.oldest += 1;
+        }
+        own
+    }
+
+    fn block(&self, a: usize, b: usize) -> Matrix3<f64> {
+        if a >= b {
+            self.rows[a][b]
+        } else {
+            self.rows[b][a].transpose()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn support(anchor: u32, gain: f64, sigma: f64) -> Support {
+        Support {
+            gains: BTreeMap::from([(anchor, Matrix3::identity() * gain)]),
+            covariance: Matrix3::identity() * (sigma * sigma),
+        }
+    }
+
+    #[test]
+    fn pure_odometry_is_a_random_walk_with_its_lever() {
+        let mut drift = Drift::default();
+        let noise = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-4));
+        drift.push(Vector2::zeros(), None, &noise);
+        drift.push(Vector2::new(1.0, 0.0), None, &noise);
+        let c = drift.push(Vector2::new(3.0, 0.0), None, &noise);
+        // Heading error of the first step (made at x = 1) swings two metres.
+        assert!((c[(2, 2)] - 2e-4).abs() < 1e-18);
+        assert!((c[(1, 1)] - 4e-4).abs() < 1e-18);
+    }
+
+    #[test]
+    fn an_anchor_in_the_first_keyframe_bounds_the_error() {
+        let mut drift = Drift::default();
+        let none = Matrix3::zeros();
+        drift.push(Vector2::zeros(), None, &none);
+        let mut last = none;
+        for _ in 0..50 {
+            last = drift.push(Vector2::zeros(), Some(&support(0, 1.0, 0.01)), &none);
+        }
+        assert!(
+            (last[(0, 0)] - 2e-4).abs() < 1e-15,
+            "no accumulation: {last}"
+        );
+        // The same leaning on the previous keyframe accumulates.
+        let mut drift = Drift::default();
+        drift.push(Vector2::zeros(), None, &none);
+        for k in 0..50 {
+            last = drift.push(Vector2::zeros(), Some(&support(k, 1.0, 0.01)), &none);
+        }
+        assert!((last[(0, 0)] - 50.0 * 2e-4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn joint_covariance_stays_positive_past_the_window() {
+        let mut drift = Drift::default();
+        let none = Matrix3::zeros();
+        drift.push(Vector2::zeros(), None, &none);
+        for k in 1..(WINDOW as u32 + 40) {
+            let anchor = k.saturating_sub(3);
+            let c = drift.push(
+                Vector2::new(0.1 * f64::from(k), 0.0),
+                Some(&support(anchor, 0.7, 0.001)),
+                &none,
+            );
+            assert!(c.cholesky().is_some(), "keyframe {k}");
+        }
+    }
+}

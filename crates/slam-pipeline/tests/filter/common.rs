@@ -1,0 +1,218 @@
+//! What the tests of the filter share: the paper's camera, random poses, oracles.
+
+use mono_geometry::{Camera, Distortion, Pinhole};
+use nalgebra::{Matrix2x6, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry, Lens, Parametrisation};
+use slam_pipeline::filter::motion::{CarrierModel, Control};
+use slam_pipeline::filter::observation::{Prepared, Scoring};
+use slam_pipeline::filter::particle::{MetricState, Particle};
+use slam_pipeline::filter::pose::{CameraPose, PlacedCamera, PoseStep};
+
+/// The paper's camera (Table I).
+pub(crate) fn pinhole() -> Pinhole {
+    Pinhole {
+        width: 320,
+        height: 240,
+        fx: 368.826_20,
+        fy: 369.902_39,
+        cx: 159.670_29,
+        cy: 121.541_36,
+    }
+}
+
+pub(crate) fn camera() -> Camera {
+    Camera::new(pinhole(), Distortion::None).unwrap()
+}
+
+pub(crate) fn lens() -> Lens {
+    let p = pinhole();
+    Lens {
+        focal: Vector2::new(p.fx, p.fy),
+        centre: Vector2::new(p.cx, p.cy),
+    }
+}
+
+/// A camera that looks to the left of the body: columns right, down, forward.
+pub(crate) fn sideways() -> Matrix3<f64> {
+    Matrix3::new(
+        1.0, 0.0, 0.0, //
+        0.0, 0.0, 1.0, //
+        0.0, -1.0, 0.0,
+    )
+}
+
+pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    rng.sample(StandardNormal)
+}
+
+pub(crate) fn uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+pub(crate) fn pose(x: f64, y: f64, phi: f64) -> CameraPose {
+    CameraPose {
+        centre: Vector3::new(x, y, 0.0),
+        phi,
+        roll: 0.0,
+        pitch: 0.0,
+    }
+}
+
+/// A pose anywhere, its heading near the seam of the circle as often as not.
+pub(crate) fn random_pose(rng: &mut ChaCha8Rng) -> CameraPose {
+    let phi = if rng.random::<bool>() {
+        mono_geometry::angle::wrap(core::f64::consts::PI + uniform(rng, -0.02, 0.02))
+    } else {
+        uniform(rng, -3.0, 3.0)
+    };
+    CameraPose {
+        centre: Vector3::from_fn(|_, _| uniform(rng, -2.0, 2.0)),
+        phi,
+        roll: uniform(rng, -0.05, 0.05),
+        pitch: uniform(rng, -0.05, 0.05),
+    }
+}
+
+/// A pose a few decimetres and hundredths of a radian from `from`.
+pub(crate) fn near(rng: &mut ChaCha8Rng, from: &CameraPose) -> CameraPose {
+    let spread = PoseStep::from([0.2, 0.2, 0.05, 0.1, 0.02, 0.02]);
+    from.retract(&PoseStep::from_fn(|i, _| spread[i] * uniform(rng, -1.0, 1.0)))
+}
+
+pub(crate) fn place(pose: &CameraPose) -> PlacedCamera {
+    PlacedCamera::new(pose, &sideways())
+}
+
+pub(crate) fn inverse_depth(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Landmark {
+    Landmark {
+        parametrisation: Parametrisation::InverseDepth { anchor: 0 },
+        mean,
+        covariance,
+    }
+}
+
+pub(crate) fn point(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Landmark {
+    Landmark {
+        parametrisation: Parametrisation::Point,
+        mean,
+        covariance,
+    }
+}
+
+/// World point at normalised image position (a, b) and `depth` in front of `camera`.
+pub(crate) fn ahead(camera: &PlacedCamera, a: f64, b: f64, depth: f64) -> Vector3<f64> {
+    camera.centre + camera.camera_from_world.transpose() * Vector3::new(a, b, 1.0) * depth
+}
+
+/// Pixel of a world point by the textbook formula, independent of the crate.
+pub(crate) fn pixel_of(camera: &PlacedCamera, p: &Vector3<f64>) -> Vector2<f64> {
+    let q = camera.camera_from_world * (p - camera.centre);
+    let k = pinhole();
+    Vector2::new(k.fx * q.x / q.z + k.cx, k.fy * q.y / q.z + k.cy)
+}
+
+/// Pixel of parameters `m` in `camera`; the test fails when it is not in front.
+pub(crate) fn project(
+    camera: &PlacedCamera,
+    geometry: &LandmarkGeometry,
+    m: &Vector3<f64>,
+) -> Vector2<f64> {
+    lens().project(camera, &geometry.ray(m)).unwrap()
+}
+
+/// d pixel / d pose tangent by central differences.
+pub(crate) fn pose_jacobian(
+    pose: &CameraPose,
+    geometry: &LandmarkGeometry,
+    m: &Vector3<f64>,
+) -> Matrix2x6<f64> {
+    const H: f64 = 1e-6;
+    let mut jacobian = Matrix2x6::zeros();
+    for j in 0..6 {
+        let mut step = PoseStep::zeros();
+        step[j] = H;
+        let difference = project(&place(&pose.retract(&step)), geometry, m)
+            - project(&place(&pose.retract(&-step)), geometry, m);
+        jacobian.set_column(j, &(difference / (2.0 * H)));
+    }
+    jacobian
+}
+
+pub(crate) fn prepared(
+    geometry: LandmarkGeometry,
+    landmark: &Landmark,
+    pixel: Vector2<f64>,
+    variance_px2: f64,
+    scoring: Scoring,
+) -> Prepared {
+    Prepared {
+        geometry,
+        mean: landmark.mean,
+        covariance: landmark.covariance,
+        pixel,
+        variance_px2,
+        scoring,
+    }
+}
+
+/// A strictly planar carrier with its camera at `lever_m` and no open scale.
+pub(crate) fn planar_carrier(lever_m: Vector2<f64>) -> CarrierModel {
+    CarrierModel {
+        lever_m,
+        tilt_sigma: 0.0,
+        tilt_time_s: 1.0,
+        slope_sigma: 0.0,
+        scale_drift: 0.0,
+        scale_sigma: 0.0,
+    }
+}
+
+pub(crate) fn control(increment: [f64; 3], sigmas: [f64; 3]) -> Control {
+    Control {
+        increment,
+        covariance: Matrix3::from_diagonal(&Vector3::from(sigmas.map(|s| s * s))),
+        dt_s: 0.1,
+        distance_m: increment[0].hypot(increment[1]),
+    }
+}
+
+pub(crate) fn particle(pose: CameraPose) -> Particle {
+    Particle::new(pose, MetricState::new(0.0))
+}
+
+/// Fails unless every entry of the sample covariance of `n` Gaussian draws lies
+/// within five standard errors, sqrt((C_ii C_jj + C_ij^2) / n), and a share
+/// `curvature` of sqrt(C_ii C_jj) for what the linearisation leaves out.
+pub(crate) fn assert_sample_covariance<const D: usize>(
+    draws: &[SVector<f64, D>],
+    covariance: &SMatrix<f64, D, D>,
+    curvature: f64,
+) {
+    let n = draws.len() as f64;
+    let mean = draws.iter().sum::<SVector<f64, D>>() / n;
+    let mut sample = SMatrix::<f64, D, D>::zeros();
+    for d in draws {
+        sample += (d - mean) * (d - mean).transpose() / n;
+    }
+    for i in 0..D {
+        for j in 0..D {
+            let product = covariance[(i, i)] * covariance[(j, j)];
+            let error = ((product + covariance[(i, j)].powi(2)) / n).sqrt();
+            let bound = 5.0 * error + curvature * product.sqrt();
+            let difference = (sample[(i, j)] - covariance[(i, j)]).abs();
+            assert!(
+                difference <= bound,
+                "({i}, {j}): sample {}, stated {}, bound {bound}",
+                sample[(i, j)],
+                covariance[(i, j)]
+            );
+        }
+    }
+}

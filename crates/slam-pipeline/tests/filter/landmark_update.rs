@@ -1,0 +1,235 @@
+//! The landmark filter: closed form where it is linear, a brute-force maximum
+//! a posteriori where it is not, no shrinking, consistency.
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
+use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry};
+use slam_pipeline::filter::landmark_update::LandmarkUpdate;
+use slam_pipeline::filter::pose::PlacedCamera;
+use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
+
+use crate::common::*;
+
+const SIGMA_PX: f64 = 0.5;
+const VARIANCE: f64 = SIGMA_PX * SIGMA_PX;
+/// Prior of inverse depth: two sigmas above zero, nearest 0.4 m.
+const RHO: (f64, f64) = (1.25, 0.625);
+
+fn filter() -> LandmarkUpdate {
+    LandmarkUpdate {
+        lens: lens(),
+        points: SigmaPoints::default(),
+    }
+}
+
+#[test]
+fn sideways_motion_is_linear_and_equals_kalman() {
+    // Moving in the image plane keeps the third coordinate of the ray at one: the pixel is
+    // (fx (a + rho t) + cx, fy b + cy), linear in all three numbers. Closed and open depth.
+    for sigma_rho in [0.02, 0.5] {
+        let anchor = place(&pose(0.0, 0.0, 0.0));
+        let camera = place(&pose(0.25, 0.0, 0.0));
+        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let k = pinhole();
+        let factor = Matrix3::new(2e-3, 0.0, 0.0, 1e-3, 2e-3, 0.0, 0.3 * sigma_rho, -0.2 * sigma_rho, sigma_rho);
+        let prior = inverse_depth(Vector3::new(0.1, -0.05, 0.8), factor * factor.transpose());
+        // The camera moves to its right: what is seen moves left.
+        let h = Matrix2x3::new(k.fx, 0.0, -0.25 * k.fx, 0.0, k.fy, 0.0);
+        let predicted = Vector2::new(k.cx, k.cy) + h * prior.mean;
+        let innovation = Vector2::new(1.1, -0.7);
+        let s = h * prior.covariance * h.transpose() + Matrix2::identity() * VARIANCE;
+        let gain = prior.covariance * h.transpose() * s.cholesky().unwrap().inverse();
+        let mean = prior.mean + gain * innovation;
+        let covariance = prior.covariance - gain * s * gain.transpose();
+        let updated = filter()
+            .update(&camera, &geometry, &prior, &(predicted + innovation), VARIANCE)
+            .unwrap();
+        assert_eq!(updated.parametrisation, prior.parametrisation);
+        assert!((updated.mean - mean).norm() < 1e-9, "sigma_rho {sigma_rho}");
+        assert!((updated.covariance - covariance).norm() < 1e-9 * prior.covariance.norm());
+    }
+}
+
+#[test]
+fn far_innovation_is_gated() {
+    let anchor = place(&pose(0.0, 0.0, 0.0));
+    let camera = place(&pose(0.25, 0.0, 0.0));
+    let geometry = LandmarkGeometry::new(Some(&anchor));
+    let prior = inverse_depth(Vector3::new(0.0, 0.0, 0.5), Matrix3::from_diagonal_element(1e-8));
+    let predicted = project(&camera, &geometry, &prior.mean);
+    let at = |dy: f64| {
+        let pixel = predicted + Vector2::new(0.0, dy * SIGMA_PX);
+        filter().update(&camera, &geometry, &prior, &pixel, VARIANCE)
+    };
+    // 18.4 = 4.29^2; the landmark adds little.
+    assert!(at(4.2).is_some() && at(4.4).is_none());
+}
+
+/// Maximum a posteriori inverse depth: for every depth on a grid the best (alpha, beta) by
+/// Gauss-Newton, and the depth of least cost.
+fn map_by_search(camera: &PlacedCamera, geometry: &LandmarkGeometry, prior: &Landmark, pixel: &Vector2<f64>) -> f64 {
+    const STEPS: usize = 20_000;
+    let sigma = prior.covariance.diagonal().map(f64::sqrt);
+    let highest = prior.mean.z + 4.0 * sigma.z;
+    let mut best = (f64::INFINITY, 0.0);
+    for i in 0..=STEPS {
+        let rho = highest * i as f64 / STEPS as f64;
+        let mut m = Vector3::new(prior.mean.x, prior.mean.y, rho);
+        let mut cost = f64::INFINITY;
+        for _ in 0..4 {
+            let Some(at) = lens().project(camera, &geometry.ray(&m)) else {
+                cost = f64::INFINITY;
+                break;
+            };
+            let residual = (pixel - at) / SIGMA_PX;
+            let from_prior = (m - prior.mean).component_div(&sigma);
+            cost = residual.norm_squared() + from_prior.norm_squared();
+            let j = lens().parameter_jacobian(camera, geometry, &m).unwrap();
+            let j = j.fixed_columns::<2>(0) / SIGMA_PX;
+            let weight = Matrix2::from_diagonal(&sigma.xy().map(|s| s.powi(-2)));
+            let gradient = j.tr_mul(&residual) - weight * (m - prior.mean).xy();
+            let step = (j.tr_mul(&j) + weight).cholesky().unwrap().solve(&gradient);
+            m.x += step.x;
+            m.y += step.y;
+        }
+        if cost < best.0 {
+            best = (cost, rho);
+        }
+    }
+    best.1
+}
+
+#[test]
+fn open_depth_finds_the_maximum_a_posteriori() {
+    let mut rng = rng(51);
+    let mut compared = 0;
+    for case in 0..60 {
+        let from = pose(0.0, 0.0, 0.0);
+        let anchor = place(&from);
+        // Sideways, towards the scene (world y) and turned: the pixel is far from linear in the depth.
+        let mut to = pose(uniform(&mut rng, 0.15, 0.4), uniform(&mut rng, -0.1, 0.15), uniform(&mut rng, -0.1, 0.1));
+        to.centre.z = uniform(&mut rng, -0.02, 0.02);
+        let camera = place(&to);
+        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
+        let depth = uniform(&mut rng, 0.7, 6.0);
+        let first = lens().centre + lens().focal.component_mul(&Vector2::new(a, b));
+        let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+        let prior = Landmark::from_first_sighting(&lens(), 0, &first, SIGMA_PX, RHO);
+        let pixel = pixel_of(&camera, &ahead(&anchor, a, b, depth)) + noise;
+        let Some(updated) = filter().update(&camera, &geometry, &prior, &pixel, VARIANCE) else {
+            continue;
+        };
+        let sigma = updated.covariance[(2, 2)].sqrt();
+        let best = map_by_search(&camera, &geometry, &prior, &pixel);
+        // The grid's step is 1.9e-4; the mean of a skewed posterior is not its mode.
+        let off = (updated.mean.z - best).abs();
+        assert!(off < 0.1 * sigma + 2e-4, "case {case}: {} against {best}, sigma {sigma}", updated.mean.z);
+        compared += 1;
+    }
+    assert!(compared >= 57, "{compared} of 60 within the gate of 1e-4");
+}
+
+/// Mean error of the inverse depth of far points after two sightings, and its standard error.
+fn far_points(widened: bool) -> (f64, f64) {
+    const SEEDS: u64 = 100;
+    const POINTS: usize = 200;
+    let truth = 1.0 / 8.0;
+    let anchor = place(&pose(0.0, 0.0, 0.0));
+    let camera = place(&pose(0.1, 0.0, 0.0));
+    let geometry = LandmarkGeometry::new(Some(&anchor));
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for seed in 0..SEEDS {
+        let mut rng = rng(seed);
+        for _ in 0..POINTS {
+            let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
+            let p = ahead(&anchor, a, b, 1.0 / truth);
+            let mut seen = |c: &PlacedCamera| pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+            let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
+            let pixel = seen(&camera);
+            let updated = if widened {
+                filter().first(&camera, &geometry, &prior, &pixel, VARIANCE)
+            } else {
+                filter().update(&camera, &geometry, &prior, &pixel, VARIANCE)
+            };
+            // A gate of 1e-4 drops the same tails on both sides.
+            if let Some(l) = updated {
+                sum += l.mean.z - truth;
+                squares += (l.mean.z - truth).powi(2);
+            }
+        }
+    }
+    let n = (SEEDS as usize * POINTS) as f64;
+    let mean = sum / n;
+    (mean, ((squares / n - mean * mean) / n).sqrt())
+}
+
+#[test]
+fn far_points_are_not_drawn_nearer() {
+    let (bias, error) = far_points(true);
+    assert!(bias.abs() < 4.0 * error, "widened: {bias:e}, standard error {error:e}");
+    let (bias, error) = far_points(false);
+    assert!(bias > 4.0 * error, "search prior: {bias:e}, standard error {error:e}");
+}
+
+#[test]
+fn covariance_stays_positive_definite() {
+    let mut rng = rng(52);
+    let (mut updates, mut refused) = (0, 0);
+    while updates < 1000 {
+        let from = random_pose(&mut rng);
+        let anchor = place(&from);
+        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
+        let p = ahead(&anchor, a, b, uniform(&mut rng, 0.8, 50.0));
+        let mut landmark = Landmark::from_first_sighting(&lens(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
+        for _ in 0..20 {
+            let camera = place(&near(&mut rng, &from));
+            let pixel = pixel_of(&camera, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+            match filter().update(&camera, &geometry, &landmark, &pixel, VARIANCE) {
+                Some(next) => {
+                    assert_eq!(next.covariance, next.covariance.transpose());
+                    assert!(next.covariance.cholesky().is_some());
+                    // A measurement never makes the depth less sure, but for the re-linearisation.
+                    assert!(next.covariance[(2, 2)] <= landmark.covariance[(2, 2)] * 1.01);
+                    landmark = next;
+                    updates += 1;
+                }
+                None => refused += 1,
+            }
+        }
+    }
+    assert!(refused < updates / 20, "{refused} refused");
+}
+
+#[test]
+fn errors_are_as_large_as_the_covariance_says() {
+    let mut rng = rng(53);
+    let mut values = Vec::new();
+    for _ in 0..400 {
+        let from = pose(0.0, 0.0, 0.0);
+        let anchor = place(&from);
+        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let truth = Vector3::new(
+            uniform(&mut rng, -0.3, 0.3),
+            uniform(&mut rng, -0.3, 0.3),
+            uniform(&mut rng, 0.05, 1.0),
+        );
+        let p = ahead(&anchor, truth.x, truth.y, 1.0 / truth.z);
+        let mut seen = |c: &PlacedCamera| pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+        let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
+        let at = |i: f64| place(&pose(0.1 * i, 0.01 * i, 0.02 * i));
+        let Some(mut landmark) = filter().first(&at(1.0), &geometry, &prior, &seen(&at(1.0)), VARIANCE) else {
+            continue;
+        };
+        for i in 2..6 {
+            let camera = at(f64::from(i));
+            if let Some(next) = filter().update(&camera, &geometry, &landmark, &seen(&camera), VARIANCE) {
+                landmark = next;
+            }
+        }
+        values.push(normalized_error_squared(&(landmark.mean - truth), &landmark.covariance).unwrap());
+    }
+    assert!(values.len() > 395);
+    let verdict = assess_consistency(values, 3, 0.999).unwrap();
+    assert_eq!(verdict.verdict, Verdict::Consistent, "{verdict:?}");
+}
