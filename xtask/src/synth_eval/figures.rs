@@ -71,8 +71,8 @@ fn map_panel(trial: &Trial, truth: &[PlanarPose], recording: &Recording) -> Plot
         points,
     };
     plot.layers = vec![
-        dots("landmarks", Colour::Blue, 1.5, landmarks),
-        dots("their true surface points", Colour::Yellow, 1.1, surface),
+        dots("landmarks", Colour::Blue, 1.4, landmarks),
+        dots("true surface points", Colour::Yellow, 1.0, surface),
         Layer::Line {
             label: "estimated path".into(),
             colour: Colour::Red,

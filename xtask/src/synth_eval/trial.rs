@@ -36,6 +36,10 @@ pub struct Row {
     pub landmark_median_m: Option<f64>,
     /// Landmarks in the final map.
     pub landmarks: usize,
+    /// Root mean square of the position error the filter claims, metres.
+    pub claimed_position_m: f64,
+    /// Root mean square of the heading error the filter claims, radians.
+    pub claimed_heading_rad: f64,
     /// Normalised estimation error squared of each frame after the first.
     pub nees: Vec<f64>,
     /// Filter steps.
@@ -95,6 +99,10 @@ pub fn run(estimator: Estimator, recording: &Recording) -> anyhow::Result<Trial>
     let truth = &recording.scene.path().poses;
     let errors = path_errors(&track.poses, truth).context("a scene without frames")?;
     let of_landmarks = Statistics::of(&landmark_errors(&track.landmarks, recording));
+    let claimed = |variance: &dyn Fn(&Matrix3<f64>) -> f64| {
+        let sum: f64 = track.covariances.iter().map(variance).sum();
+        (sum / track.covariances.len() as f64).sqrt()
+    };
     let row = Row {
         seed: spec.seed,
         estimator: label,
@@ -106,6 +114,8 @@ pub fn run(estimator: Estimator, recording: &Recording) -> anyhow::Result<Trial>
         landmark_rmse_m: of_landmarks.map(|s| s.rmse),
         landmark_median_m: of_landmarks.map(|s| s.median),
         landmarks: track.landmarks.len(),
+        claimed_position_m: claimed(&|c| c[(0, 0)] + c[(1, 1)]),
+        claimed_heading_rad: claimed(&|c| c[(2, 2)]),
         nees: nees(&track.poses, &track.covariances, truth),
         steps: track.n_eff.len(),
         n_eff: Statistics::of(&track.n_eff).map(|s| s.mean),
@@ -197,12 +207,13 @@ mod tests {
             method: Method::Conventional,
             particles: 5,
         };
-        // Without odometry noise the particles of this filter never leave the true path, so
-        // its landmarks show the accuracy of triangulation: the wall is at 2 m.
+        // Without odometry noise the particles of this filter spread by the floor of the motion
+        // model only, a tenth of a millimetre a step, so its landmarks show the accuracy of
+        // triangulation: 0.6 px over a baseline of 0.1 m or more at 2 m is 65 mm in depth or less.
         let row = run(conventional, &recording).unwrap().row;
-        assert!(row.position_rmse_m < 1e-6, "{row:?}");
+        assert!(row.position_rmse_m < 5e-4, "{row:?}");
         assert!(row.landmarks > 20, "{row:?}");
-        assert!(row.landmark_median_m.unwrap() < 0.1, "{row:?}");
+        assert!(row.landmark_median_m.unwrap() < 0.065, "{row:?}");
         assert_eq!(row.nees.len(), 4);
     }
 }
