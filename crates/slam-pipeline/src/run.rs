@@ -120,7 +120,7 @@ fn run_in_pool(
     let mut features = Features::default();
     let body_from_camera = mount.body_from_camera;
     let mut slam = Slam::new(
-        camera.clone(),
+        camera,
         body_from_camera.rotation.matrix(),
         &body_from_camera.translation,
         config,

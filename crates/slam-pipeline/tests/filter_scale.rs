@@ -1,7 +1,10 @@
 //! The frame loop on a simulated wall, without images: features are points of
 //! the wall with persistent random descriptors, pixel noise and wrong matches.
 
-#![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a helper that cannot go on fails its test"
+)]
 
 use mono_geometry::motion::exact_arc;
 use mono_geometry::{Camera, Distortion, Pinhole, Se2};
