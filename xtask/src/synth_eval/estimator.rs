@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_frame_of_rows_has_the_noise_the_generator_states_per_frame() {
         let noise = OdometryNoise::PAPER;
-        let mut odometer = Odometer::new(&odometry_section(&noise));
+        let mut odometer = Odometer::new(&odometry_section(&noise), false);
         let row = OdometryInterval {
             duration_s: FRAME_PERIOD_S / ROWS_PER_FRAME as f64,
             v_mps: 0.2,
