@@ -60,7 +60,7 @@ pub fn scale_error(estimate: &[PlanarPose], truth: &[PlanarPose]) -> f64 {
 }
 
 /// Normalised estimation error squared of each frame after the first (three degrees of
-/// freedom), with [`LEAST_SIGMA`] added to the claim; frames whose covariance is still not
+/// freedom), with a tenth of a millimetre and milliradian added to the claim; frames whose covariance is still not
 /// positive definite are infinitely wrong.
 pub fn nees(
     estimate: &[PlanarPose],
