@@ -101,6 +101,28 @@ fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
     Matrix3::new(1.0, 0.0, -d.y, 0.0, 1.0, d.x, 0.0, 0.0, 1.0)
 }
 
+/// A covariance that covers both: what `spread` lacks of `drift` is added to it.
+///
+/// While the particles still differ, their spread and the drift tell of the same
+/// error; adding them would count it twice. In coordinates in which `spread` is
+/// the identity, the directions where `drift` is larger are taken from it.
+#[must_use]
+pub fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64> {
+    // A spread that has collapsed is regularised far below any real error.
+    let floor = Matrix3::identity() * (1e-9 * (spread.trace() + drift.trace()) + 1e-18);
+    let Some(factor) = (spread + floor).cholesky().map(|c| c.l()) else {
+        return spread + drift;
+    };
+    let Some(inverse) = factor.solve_lower_triangular(&Matrix3::identity()) else {
+        return spread + drift;
+    };
+    let lacking = (inverse * (drift - spread) * inverse.transpose()).symmetric_eigen();
+    let kept = Matrix3::from_diagonal(&lacking.eigenvalues.map(|v| v.max(0.0)));
+    let basis = factor * lacking.eigenvectors;
+    let covered = spread + basis * kept * basis.transpose();
+    (covered + covered.transpose()) * 0.5
+}
+
 /// Joint covariance of the errors of the last keyframes.
 #[derive(Debug, Clone, Default)]
 pub struct Drift {
@@ -222,6 +244,26 @@ mod tests {
             last = drift.push(Vector2::zeros(), Some(&support(k, 1.0, 0.01)), &none);
         }
         assert!((last[(0, 0)] - 50.0 * 2e-4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn cover_is_the_larger_of_the_two_in_every_direction() {
+        let small = Matrix3::from_diagonal(&Vector3::new(1e-6, 4e-4, 1e-8));
+        let large = Matrix3::from_diagonal(&Vector3::new(9e-6, 1e-4, 4e-6));
+        let both = Matrix3::from_diagonal(&Vector3::new(9e-6, 4e-4, 4e-6));
+        assert!((cover(&small, &large) - both).amax() < 1e-12);
+        assert!((cover(&large, &small) - both).amax() < 1e-12);
+        assert!(
+            (cover(&small, &small) - small).amax() < 1e-12,
+            "not counted twice"
+        );
+        // Nothing is lost where the axes differ, and a collapsed spread is no obstacle.
+        let turn = Matrix3::new(0.8, -0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0);
+        let turned = turn * large * turn.transpose();
+        for covered in [cover(&small, &turned), cover(&Matrix3::zeros(), &turned)] {
+            let rest = (covered - turned).symmetric_eigenvalues();
+            assert!(rest.min() > -1e-12, "{rest}");
+        }
     }
 
     #[test]

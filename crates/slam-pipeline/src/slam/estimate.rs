@@ -4,7 +4,7 @@ use mono_geometry::Se2;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use super::{FrameOutcome, Slam};
-use crate::filter::drift::Support;
+use crate::filter::drift::{Support, cover};
 use crate::filter::linearised::PosePosterior;
 use crate::filter::motion::{Control, MotionPrior};
 use crate::filter::particle::Particle;
@@ -27,11 +27,13 @@ impl Slam {
             .drift
             .push(Vector2::new(pose.x, pose.y), support, &odometry);
         // The methods of the paper report what their particles show.
-        if self.mapping.delayed.is_none() {
-            (pose, covariance + drift)
+        let covered = if self.mapping.delayed.is_none() {
+            cover(&covariance, &drift)
         } else {
-            (pose, covariance)
-        }
+            covariance
+        };
+        let along = Vector3::new(pose.x, pose.y, 0.0) * self.config.odometry.scale_bias;
+        (pose, covered + along * along.transpose())
     }
 
     fn spread(&self) -> (PlanarPose, Matrix3<f64>) {
@@ -54,9 +56,6 @@ impl Slam {
                 }
             }
         }
-        let bias = self.config.odometry.scale_bias;
-        let along = Vector3::new(mean.x, mean.y, 0.0) * bias;
-        covariance += along * along.transpose();
         (
             PlanarPose {
                 x: mean.x,
