@@ -15,6 +15,7 @@ use mono_geometry::{Camera, Se2};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rbpf_core::{
     FilterConfig, ParticleFilter, ParticleSet, RejuvenationSchedule, Resampler, Streams,
+    unique_ancestors,
 };
 use thiserror::Error;
 use ukf::SigmaPoints;
@@ -342,9 +343,7 @@ impl Slam {
             outcome.notes.push("no match: odometry only".to_owned());
         }
         outcome.landmarks = self.catalogue.mapped();
-        let mut origins = self.filter.set().origins().to_vec();
-        origins.dedup();
-        outcome.unique_ancestors = origins.len();
+        outcome.unique_ancestors = unique_ancestors(self.filter.set().origins());
         self.frame += 1;
         Ok(outcome)
     }

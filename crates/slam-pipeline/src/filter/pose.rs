@@ -9,7 +9,9 @@
 //!
 //! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
 
+use mono_geometry::Se2;
 use mono_geometry::angle::wrap;
+use mono_geometry::mount::world_from_tilted_body;
 use nalgebra::{Matrix3, SVector, Vector3};
 
 /// Dimension of the sampled pose.
@@ -60,20 +62,10 @@ impl CameraPose {
     /// Rotation from body to world axes.
     #[must_use]
     pub fn world_from_body(&self) -> Matrix3<f64> {
-        let (sf, cf) = self.phi.sin_cos();
-        let (sr, cr) = self.roll.sin_cos();
-        let (sp, cp) = self.pitch.sin_cos();
-        Matrix3::new(
-            cf * cp,
-            cf * sp * sr - sf * cr,
-            cf * sp * cr + sf * sr,
-            sf * cp,
-            sf * sp * sr + cf * cr,
-            sf * sp * cr - cf * sr,
-            -sp,
-            cp * sr,
-            cp * cr,
-        )
+        let heading = Se2::new(0.0, 0.0, self.phi);
+        *world_from_tilted_body(&heading, self.roll, self.pitch, 0.0)
+            .rotation
+            .matrix()
     }
 }
 
