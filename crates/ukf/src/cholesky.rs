@@ -37,6 +37,34 @@ impl<const N: usize> Cholesky<N> {
         factorise(matrix, step, true)
     }
 
+    /// From a factor at hand; only its lower triangle is read.
+    ///
+    /// # Errors
+    /// [`UkfError::NotFinite`], or [`UkfError::NotPositiveDefinite`] for a negative diagonal entry.
+    pub fn from_lower(lower: &SMatrix<f64, N, N>, step: Step) -> Result<Self, UkfError> {
+        let lower = lower.lower_triangle();
+        if !lower.iter().all(|entry| entry.is_finite()) {
+            return Err(UkfError::NotFinite {
+                step,
+                what: "the factor",
+            });
+        }
+        match (0..N).find(|&k| lower[(k, k)] < 0.0) {
+            Some(pivot) => Err(UkfError::NotPositiveDefinite {
+                step,
+                pivot,
+                value: lower[(pivot, pivot)],
+            }),
+            None => Ok(Self { lower }),
+        }
+    }
+
+    /// The matrix, L L^T.
+    #[must_use]
+    pub fn product(&self) -> SMatrix<f64, N, N> {
+        self.lower * self.lower.transpose()
+    }
+
     /// The factor, lower triangular.
     #[must_use]
     pub const fn lower(&self) -> &SMatrix<f64, N, N> {
@@ -86,6 +114,31 @@ impl<const N: usize> Cholesky<N> {
     pub fn log_determinant(&self) -> f64 {
         2.0 * (0..N).map(|row| ln(self.lower[(row, row)])).sum::<f64>()
     }
+}
+
+/// Refuses a matrix that is not symmetric.
+///
+/// Products such as F P F^T round each triangle by a few N eps of sqrt(P_ii P_jj): what differs by
+/// more than sqrt(eps) of that is another matrix, and halving the difference would hide a mistake.
+pub(crate) fn check_symmetric<const N: usize>(
+    matrix: &SMatrix<f64, N, N>,
+    step: Step,
+) -> Result<(), UkfError> {
+    for row in 1..N {
+        for column in 0..row {
+            let difference = matrix[(row, column)] - matrix[(column, row)];
+            let scale = (matrix[(row, row)] * matrix[(column, column)]).abs();
+            if difference * difference > f64::EPSILON * scale {
+                return Err(UkfError::NotSymmetric {
+                    step,
+                    row,
+                    column,
+                    difference,
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 fn factorise<const N: usize>(

@@ -62,6 +62,30 @@ pub enum UkfError {
         /// What was found there.
         value: f64,
     },
+    /// A covariance whose two triangles differ by more than rounding.
+    #[error(
+        "{step}: entries ({row}, {column}) and ({column}, {row}) of the covariance differ by {difference}, a symmetric matrix required"
+    )]
+    NotSymmetric {
+        /// Where it was met.
+        step: Step,
+        /// Row of the entry below the diagonal, from 0.
+        row: usize,
+        /// Its column.
+        column: usize,
+        /// Lower less upper entry.
+        difference: f64,
+    },
+    /// A workspace or a matrix given as a slice that is too short or too long.
+    #[error("{what} has {given} entries, {required} required")]
+    Length {
+        /// Which slice.
+        what: &'static str,
+        /// Its entries.
+        given: usize,
+        /// What was needed.
+        required: usize,
+    },
     /// NaN or infinity in a mean, a measurement, a noise matrix or a function's value.
     #[error("{step}: {what} has entries that are not finite")]
     NotFinite {

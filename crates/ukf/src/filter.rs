@@ -10,12 +10,12 @@
 //! Both steps return an error and keep the state for NaN, infinity, or a covariance that
 //! is not positive definite.
 
-use crate::cholesky::Cholesky;
+use crate::cholesky::{Cholesky, check_symmetric};
 use crate::error::{Step, UkfError};
 use crate::manifold::Manifold;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::unscented_transform;
-use crate::update::{symmetric, unscented_correction};
+use crate::update::{Update, symmetric, unscented_correction};
 use nalgebra::{SMatrix, SVector};
 
 /// A Gaussian state and its sigma points.
@@ -40,15 +40,16 @@ pub struct Innovation<const M: usize> {
 }
 
 impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
-    /// A filter starting at (`mean`, `covariance`); the covariance is symmetrised.
+    /// A filter starting at (`mean`, `covariance`); rounding is symmetrised away.
     ///
     /// # Errors
-    /// [`UkfError::NotFinite`], or [`UkfError::NotPositiveDefinite`] for an indefinite covariance.
+    /// [`UkfError::NotFinite`], [`UkfError::NotSymmetric`], or [`UkfError::NotPositiveDefinite`] for an indefinite covariance.
     pub fn new(
         mean: X,
         covariance: SMatrix<f64, L, L>,
         set: SigmaPoints<L>,
     ) -> Result<Self, UkfError> {
+        check_symmetric(&covariance, Step::SigmaPoints)?;
         let covariance = symmetric(&covariance);
         Cholesky::semidefinite(&covariance, Step::SigmaPoints)?;
         if !mean.local(&mean).iter().all(|entry| entry.is_finite()) {
@@ -85,12 +86,10 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         process_noise: &SMatrix<f64, L, L>,
         function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
-        let moved = unscented_transform(&self.mean, &self.covariance, &self.set, function)?;
-        let covariance = symmetric(&(moved.covariance + process_noise));
-        Cholesky::semidefinite(&covariance, Step::Prediction)?;
-        self.mean = moved.mean;
-        self.covariance = covariance;
-        Ok(())
+        check_symmetric(process_noise, Step::Prediction)?;
+        let mut moved = unscented_transform(&self.mean, &self.covariance, &self.set, function)?;
+        moved.covariance += process_noise;
+        self.move_to(moved.mean, &moved.covariance)
     }
 
     /// Takes in a measurement z = h(x) + noise of covariance `measurement_noise`.
@@ -111,13 +110,38 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             measurement_noise,
             function,
         )?;
-        self.mean = update.mean;
-        self.covariance = update.covariance;
-        Ok(Innovation {
+        Ok(self.take(update))
+    }
+
+    /// The sigma points.
+    pub const fn sigma_points(&self) -> &SigmaPoints<L> {
+        &self.set
+    }
+
+    pub(crate) fn move_to(
+        &mut self,
+        mean: X,
+        covariance: &SMatrix<f64, L, L>,
+    ) -> Result<(), UkfError> {
+        let covariance = symmetric(covariance);
+        Cholesky::semidefinite(&covariance, Step::Prediction)?;
+        self.set_state(mean, covariance);
+        Ok(())
+    }
+
+    /// Both are known to be finite, the covariance symmetric and positive semidefinite.
+    pub(crate) fn set_state(&mut self, mean: X, covariance: SMatrix<f64, L, L>) {
+        self.mean = mean;
+        self.covariance = covariance;
+    }
+
+    pub(crate) fn take<const M: usize>(&mut self, update: Update<X, L, M>) -> Innovation<M> {
+        self.set_state(update.mean, update.covariance);
+        Innovation {
             innovation: update.innovation,
             covariance: update.innovation_covariance,
             nis: update.nis,
             log_likelihood: update.log_likelihood,
-        })
+        }
     }
 }

@@ -5,24 +5,31 @@
 //! 2. [`manifold`]: states and measurements with headings, by one trait of two methods;
 //! 3. [`transform`]: mean and covariance of a function of a Gaussian;
 //! 4. [`update`]: the measurement update of one Gaussian, alone, as a landmark needs it;
-//! 5. [`filter`]: prediction and update as a filter;
-//! 6. [`consistency`]: does the error match the covariance? NIS, NEES, chi-square bounds;
-//! 7. [`cholesky`]: the factorisation beneath, which names the pivot that failed.
+//! 5. [`filter`]: prediction and update as a filter; [`augmented`] where noise is not added,
+//!    [`several`] for many measurements at once;
+//! 6. [`square_root`]: the same filter carrying a factor of the covariance;
+//! 7. [`consistency`]: does the error match the covariance? NIS, NEES, chi-square bounds;
+//! 8. [`cholesky`]: the factorisation beneath, which names the pivot that failed.
 //!
 //! All sizes are const generics: L the state's tangent, M the measurement's.
 #![no_std]
 
+pub mod augmented;
 pub mod cholesky;
 pub mod consistency;
 pub mod error;
 pub mod filter;
 pub mod manifold;
+pub mod several;
 pub mod sigma_points;
+pub mod square_root;
 pub mod transform;
 pub mod update;
 
 mod math;
+mod rank_one;
 
+pub use augmented::{AugmentedPoints, augmented_transform};
 pub use cholesky::Cholesky;
 pub use consistency::{
     Consistency, Verdict, assess_consistency, chi_square_cdf, chi_square_quantile,
@@ -31,7 +38,9 @@ pub use consistency::{
 pub use error::{Step, UkfError};
 pub use filter::{Innovation, Ukf};
 pub use manifold::{Angle, Manifold, Se2};
+pub use several::{JointFit, Measured, stacked_workspace};
 pub use sigma_points::SigmaPoints;
+pub use square_root::SquareRootUkf;
 pub use transform::{Transformed, unscented_transform};
 pub use update::{Update, unscented_correction, unscented_update};
 

@@ -17,7 +17,10 @@
 //!   same distance and of the same weight; its third moments do not vanish.
 //!
 //! The paper prints alpha = 0, for which L + lambda = 0: all points fall on the mean with infinite
-//! weights. Such parameters are an error at construction. A very small alpha (1e-3 is often
+//! weights. Such parameters are an error at construction. A negative weight of the centre is allowed
+//! (kappa = 3 - L has one for L > 3 in means, L > 9 in covariances): moments stay right to their order, but a
+//! covariance may then come out indefinite for a strongly curved function, which the filters
+//! report as an error and never return. A very small alpha (1e-3 is often
 //! seen) makes W_0 about -1e6 and costs six digits; the default here is alpha = 1.
 
 use crate::error::UkfError;
@@ -48,14 +51,13 @@ impl<const L: usize> SigmaPoints<L> {
     /// [`UkfError::InvalidSpread`] if L + lambda = alpha^2 (L + kappa) is not positive and finite,
     /// or beta is not finite.
     pub fn scaled(alpha: f64, beta: f64, kappa: f64) -> Result<Self, UkfError> {
-        let spread = alpha * alpha * (L as f64 + kappa);
-        let valid = spread > 0.0 && (1.0 / spread).is_finite() && (spread + beta).is_finite();
-        if !valid {
-            return Err(UkfError::InvalidSpread {
-                value: if beta.is_finite() { spread } else { beta },
-            });
-        }
-        Ok(Self::axes(spread, 1.0 - alpha * alpha + beta))
+        let weights = axis_weights(L, alpha, beta, kappa)?;
+        Ok(Self {
+            kind: Kind::Axes(weights.distance),
+            mean_weight_of_centre: weights.mean_of_centre,
+            covariance_weight_of_centre: weights.covariance_of_centre,
+            weight: weights.other,
+        })
     }
 
     /// Julier's set: the scaled one with alpha = 1, beta = 0. With `kappa` = 3 - L the fourth
@@ -157,6 +159,37 @@ impl<const L: usize> SigmaPoints<L> {
             weight: 0.5 / spread,
         }
     }
+}
+
+/// The scaled set's numbers for any dimension.
+pub(crate) struct AxisWeights {
+    pub(crate) distance: f64,
+    pub(crate) mean_of_centre: f64,
+    pub(crate) covariance_of_centre: f64,
+    pub(crate) other: f64,
+}
+
+/// See [`SigmaPoints::scaled`].
+pub(crate) fn axis_weights(
+    dimension: usize,
+    alpha: f64,
+    beta: f64,
+    kappa: f64,
+) -> Result<AxisWeights, UkfError> {
+    let spread = alpha * alpha * (dimension as f64 + kappa);
+    let valid = spread > 0.0 && (1.0 / spread).is_finite() && (spread + beta).is_finite();
+    if !valid {
+        return Err(UkfError::InvalidSpread {
+            value: if beta.is_finite() { spread } else { beta },
+        });
+    }
+    let mean_of_centre = (spread - dimension as f64) / spread;
+    Ok(AxisWeights {
+        distance: sqrt(spread),
+        mean_of_centre,
+        covariance_of_centre: mean_of_centre + (1.0 - alpha * alpha + beta),
+        other: 0.5 / spread,
+    })
 }
 
 /// alpha 1, beta 2, kappa 3 - L: spread sqrt(3) in every dimension, no negative weight in

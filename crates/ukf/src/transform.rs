@@ -51,32 +51,91 @@ where
     Y: Manifold<M>,
 {
     let root = Cholesky::semidefinite(covariance, Step::SigmaPoints)?;
-    let tangent = |index: usize| -> SVector<f64, L> { root.lower() * set.offset(index) };
-    let image_of_mean = function(mean);
-    // point 0, then L and L more: every set has at most 2 L + 1 points
-    let mut image = |index: usize| {
-        if index < set.count() {
-            function(&mean.retract(&tangent(index)))
-        } else {
-            image_of_mean.clone()
-        }
-    };
-    let first: [Y; L] = core::array::from_fn(|k| image(k + 1));
-    let second: [Y; L] = core::array::from_fn(|k| image(k + 1 + L));
-    let image_at = |index: usize| match index {
-        0 => &image_of_mean,
-        index if index <= L => &first[index - 1],
-        index => &second[index - 1 - L],
-    };
+    let images = Images::new(mean, root.lower(), set, &mut function)?;
+    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
+    let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
+    for index in 0..set.count() {
+        let difference = images.difference(index);
+        let weighted = difference.transpose() * set.covariance_weight(index);
+        image_covariance += difference * weighted;
+        cross_covariance += root.lower() * set.offset(index) * weighted;
+    }
+    Ok(Transformed {
+        mean: images.mean,
+        covariance: image_covariance,
+        cross_covariance,
+    })
+}
 
-    let mut center = image_of_mean.clone();
+/// The values of a function at the sigma points, and their mean.
+pub(crate) struct Images<Y, const L: usize, const M: usize> {
+    /// The mean of the values.
+    pub(crate) mean: Y,
+    centre: Y,
+    // point 0, then L and L more: every set has at most 2 L + 1 points
+    first: [Y; L],
+    second: [Y; L],
+}
+
+impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
+    /// The values at m + `root` u_i.
+    pub(crate) fn new<X: Manifold<L>>(
+        mean: &X,
+        root: &SMatrix<f64, L, L>,
+        set: &SigmaPoints<L>,
+        function: &mut impl FnMut(&X) -> Y,
+    ) -> Result<Self, UkfError> {
+        let centre = function(mean);
+        let mut image = |index: usize| {
+            if index < set.count() {
+                function(&mean.retract(&(root * set.offset(index))))
+            } else {
+                centre.clone()
+            }
+        };
+        let first: [Y; L] = core::array::from_fn(|k| image(k + 1));
+        let second: [Y; L] = core::array::from_fn(|k| image(k + 1 + L));
+        let mut images = Self {
+            mean: centre.clone(),
+            centre,
+            first,
+            second,
+        };
+        images.mean = mean_of_points(&images.centre, set.count(), |index| {
+            (images.at(index), set.mean_weight(index))
+        })?;
+        Ok(images)
+    }
+
+    /// From the mean of the values to the value at point `index`.
+    pub(crate) fn difference(&self, index: usize) -> SVector<f64, M> {
+        self.mean.local(self.at(index))
+    }
+
+    fn at(&self, index: usize) -> &Y {
+        match index {
+            0 => &self.centre,
+            index if index <= L => &self.first[index - 1],
+            index => &self.second[index - 1 - L],
+        }
+    }
+}
+
+/// The weighted mean of `count` points on a manifold, from `start`.
+pub(crate) fn mean_of_points<'a, Y: Manifold<M> + 'a, const M: usize>(
+    start: &Y,
+    count: usize,
+    point: impl Fn(usize) -> (&'a Y, f64),
+) -> Result<Y, UkfError> {
+    let mut center = start.clone();
     for _ in 0..MEAN_ITERATIONS {
         let mut offset = SVector::<f64, M>::zeros();
         let mut spread = 0.0;
-        for index in 0..set.count() {
-            let difference = center.local(image_at(index));
+        for index in 0..count {
+            let (image, weight) = point(index);
+            let difference = center.local(image);
             spread += difference.norm_squared();
-            offset += difference * set.mean_weight(index);
+            offset += difference * weight;
         }
         if !offset.iter().all(|entry| entry.is_finite()) {
             return Err(UkfError::NotFinite {
@@ -89,18 +148,5 @@ where
             break;
         }
     }
-
-    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
-    let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
-    for index in 0..set.count() {
-        let difference = center.local(image_at(index));
-        let weighted = difference.transpose() * set.covariance_weight(index);
-        image_covariance += difference * weighted;
-        cross_covariance += tangent(index) * weighted;
-    }
-    Ok(Transformed {
-        mean: center,
-        covariance: image_covariance,
-        cross_covariance,
-    })
+    Ok(center)
 }

@@ -18,12 +18,12 @@
 //! with a negative one (alpha far below 1, beta 0) it may not be, which is an error.
 //! On a manifold the small change of tangent between x and x' is neglected.
 
-use crate::cholesky::Cholesky;
+use crate::cholesky::{Cholesky, check_symmetric};
 use crate::error::{Step, UkfError};
 use crate::manifold::Manifold;
 use crate::math::ln;
 use crate::sigma_points::SigmaPoints;
-use crate::transform::unscented_transform;
+use crate::transform::{Transformed, unscented_transform};
 use core::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
@@ -73,8 +73,9 @@ pub fn unscented_update<const L: usize, const M: usize>(
 ///
 /// # Errors
 /// [`UkfError::NotFinite`] for NaN or infinity in mean, covariance, measurement, noise or a value
-/// of the function; [`UkfError::NotPositiveDefinite`] with step and pivot for the covariance given,
-/// for S, or for the covariance after the update.
+/// of the function; [`UkfError::NotSymmetric`] for a covariance or noise that is not;
+/// [`UkfError::NotPositiveDefinite`] with step and pivot for the covariance given, for S, or for the
+/// covariance after the update.
 pub fn unscented_correction<X, Z, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<f64, L, L>,
@@ -87,7 +88,24 @@ where
     X: Manifold<L>,
     Z: Manifold<M>,
 {
-    let predicted = unscented_transform(mean, covariance, set, function)?;
+    check_symmetric(covariance, Step::SigmaPoints)?;
+    check_symmetric(noise, Step::Innovation)?;
+    let mut predicted = unscented_transform(mean, covariance, set, function)?;
+    predicted.covariance += noise;
+    correct(mean, covariance, &predicted, measurement)
+}
+
+/// The update from a predicted measurement whose covariance holds the noise already.
+pub(crate) fn correct<X, Z, const L: usize, const M: usize>(
+    mean: &X,
+    covariance: &SMatrix<f64, L, L>,
+    predicted: &Transformed<Z, L, M>,
+    measurement: &Z,
+) -> Result<Update<X, L, M>, UkfError>
+where
+    X: Manifold<L>,
+    Z: Manifold<M>,
+{
     let innovation = predicted.mean.local(measurement);
     if !innovation.iter().all(|entry| entry.is_finite()) {
         return Err(UkfError::NotFinite {
@@ -95,7 +113,7 @@ where
             what: "the measurement",
         });
     }
-    let innovation_covariance = symmetric(&(predicted.covariance + noise));
+    let innovation_covariance = symmetric(&predicted.covariance);
     let factor = Cholesky::positive_definite(&innovation_covariance, Step::Innovation)?;
 
     let gain = factor
@@ -124,7 +142,7 @@ pub(crate) fn symmetric<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<
 
 /// P - K S K^T rounds relative to P, not to itself: a direction measured far better than it was
 /// known may come out at zero within eps * P, and is accepted as zero.
-fn check_posterior<const L: usize>(
+pub(crate) fn check_posterior<const L: usize>(
     posterior: &SMatrix<f64, L, L>,
     prior: &SMatrix<f64, L, L>,
 ) -> Result<(), UkfError> {

@@ -1,0 +1,161 @@
+//! Rank-one changes of a Cholesky factor, the arithmetic of the square-root filter.
+//!
+//! - [`update`]: L' L'^T = L L^T + v v^T by Givens rotations that turn v into L column by column.
+//!   Applied to the rows of a stack one after the other, beginning with L = 0, it is the QR
+//!   factorisation of the stack (R^T = L), without the stack: n rows cost 2 n N^2 multiplications.
+//!   It cannot fail, and the diagonal stays non-negative.
+//! - [`downdate`]: L' L'^T = L L^T - v v^T. With p = L^-1 v this has a factor only while
+//!   1 - |p|^2 > 0; the rotations then run backwards (LINPACK's `dchdd`: Dongarra et al. 1979, ch. 10;
+//!   Stewart 1979 for its stability).
+
+use crate::error::{Step, UkfError};
+use crate::math::sqrt;
+use nalgebra::{SMatrix, SVector};
+
+/// Adds `vector vector^T` to L L^T.
+pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector: SVector<f64, N>) {
+    for column in 0..N {
+        let (diagonal, entry) = (lower[(column, column)], vector[column]);
+        if entry == 0.0 {
+            continue;
+        }
+        let (cos, sin, length) = rotation(diagonal, entry);
+        lower[(column, column)] = length;
+        for row in column + 1..N {
+            let (l, v) = (lower[(row, column)], vector[row]);
+            lower[(row, column)] = cos * l + sin * v;
+            vector[row] = cos * v - sin * l;
+        }
+    }
+}
+
+/// Takes `vector vector^T` from L L^T; `lower` is unchanged after an error.
+///
+/// # Errors
+/// [`UkfError::NotPositiveDefinite`] with the first row at which nothing is left, and 1 - |p|^2 up to
+/// there (of the variance that L held).
+pub(crate) fn downdate<const N: usize>(
+    lower: &mut SMatrix<f64, N, N>,
+    vector: &SVector<f64, N>,
+    step: Step,
+) -> Result<(), UkfError> {
+    let mut p = *vector;
+    let mut left = 1.0;
+    for row in 0..N {
+        for before in 0..row {
+            p[row] -= lower[(row, before)] * p[before];
+        }
+        if p[row] == 0.0 {
+            continue;
+        }
+        p[row] /= lower[(row, row)];
+        left -= p[row] * p[row];
+        // also false for the NaN or infinity of a zero diagonal
+        if !(left > 0.0 && left.is_finite()) {
+            return Err(UkfError::NotPositiveDefinite {
+                step,
+                pivot: row,
+                value: left,
+            });
+        }
+    }
+    let mut rotations = [(1.0, 0.0); N];
+    let mut alpha = sqrt(left);
+    for row in (0..N).rev() {
+        let (cos, sin, length) = rotation(alpha, p[row]);
+        rotations[row] = (cos, sin);
+        alpha = length;
+    }
+    for row in 0..N {
+        let mut carried = 0.0;
+        for column in (0..=row).rev() {
+            let (cos, sin) = rotations[column];
+            let entry = lower[(row, column)];
+            lower[(row, column)] = cos * entry - sin * carried;
+            carried = cos * carried + sin * entry;
+        }
+    }
+    Ok(())
+}
+
+/// cos, sin and length of (x, y), without overflow; x >= 0, not both zero.
+fn rotation(x: f64, y: f64) -> (f64, f64, f64) {
+    let scale = x.abs() + y.abs();
+    let (a, b) = (x / scale, y / scale);
+    let length = sqrt(a * a + b * b);
+    (a / length, b / length, scale * length)
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn update_and_downdate_change_the_product_and_undo_each_other(
+            rows in prop::array::uniform9(-2.0..2.0_f64), v in prop::array::uniform3(-3.0..3.0_f64),
+            rank in 0..3_usize,
+        ) {
+            let rows = Matrix3::from_row_slice(&rows);
+            let v = Vector3::from(v);
+            let mut lower = Matrix3::zeros();
+            // rank 1, 2 or 3, row by row: the QR factorisation
+            let mut product = Matrix3::zeros();
+            for k in 0..=rank {
+                update(&mut lower, rows.column(k).into_owned());
+                product += rows.column(k) * rows.column(k).transpose();
+            }
+            // each rotation rounds by a few eps of the length it keeps
+            let tolerance = 32.0 * f64::EPSILON * (product.trace() + v.norm_squared());
+            prop_assert!((lower * lower.transpose() - product).amax() < tolerance);
+            prop_assert!(lower == lower.lower_triangle());
+            prop_assert!((0..3).all(|k| lower[(k, k)] >= 0.0));
+
+            let before = lower;
+            update(&mut lower, v);
+            let grown = product + v * v.transpose();
+            prop_assert!((lower * lower.transpose() - grown).amax() < tolerance);
+            // what was added can be taken back where a fair share stays (error grows with 1 / left)
+            if rank == 2 {
+                let left = 1.0 / (1.0 + v.dot(&product.lu().solve(&v).unwrap_or(v * 1e9)));
+                if left > 1e-3 {
+                    downdate(&mut lower, &v, Step::Posterior).unwrap();
+                    prop_assert!((lower * lower.transpose() - product).amax() < tolerance / left);
+                    prop_assert!((lower - before).amax() < 1e-6 * before.amax());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_downdate_that_takes_too_much_names_the_row_and_changes_nothing() {
+        let lower = Matrix3::new(1.0, 0.0, 0.0, 0.5, 2.0, 0.0, 0.0, 0.0, 3.0);
+        let mut changed = lower;
+        // p = (0.6, 0.9, ..): 1 - 0.36 - 0.81 = -0.17 in row 1
+        let v = Vector3::new(0.6, 0.3 + 1.8, 1.0);
+        match downdate(&mut changed, &v, Step::Posterior) {
+            Err(UkfError::NotPositiveDefinite {
+                step: Step::Posterior,
+                pivot: 1,
+                value,
+            }) => assert!((value + 0.17).abs() < 1e-15),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(changed, lower);
+        // a direction without variance, and NaN
+        let mut flat = Matrix3::from_diagonal(&Vector3::new(1.0, 0.0, 1.0));
+        let along = Vector3::new(0.0, 1e-9, 0.0);
+        assert!(matches!(
+            downdate(&mut flat, &along, Step::Prediction),
+            Err(UkfError::NotPositiveDefinite { pivot: 1, .. })
+        ));
+        let nan = Vector3::new(0.0, 0.0, f64::NAN);
+        assert!(downdate(&mut flat, &nan, Step::Prediction).is_err());
+        downdate(&mut flat, &Vector3::new(0.6, 0.0, 0.0), Step::Prediction).unwrap();
+        assert!((flat[(0, 0)] - 0.8).abs() < 1e-15);
+    }
+}
