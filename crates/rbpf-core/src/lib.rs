@@ -15,11 +15,13 @@
 //! 9. [`models`]: what is asked of a robot and its sensor, by traits of one to three methods;
 //! 10. [`proposal`]: from the motion model, extended, unscented, with exact weights;
 //! 11. [`landmark_filter`] and [`landmark_particle`]: the landmarks of a particle and their update;
-//! 12. [`range_bearing`]: a planar sensor and two vehicles, ready to use.
+//! 12. [`range_bearing`]: a planar sensor and two vehicles, ready to use;
+//! 13. [`association`]: scans without ids, named by each particle.
 //!
 //! The results do not depend on the number of threads: random numbers are keyed by the particle,
 //! and every reduction runs in particle order.
 
+pub mod association;
 pub mod circular;
 pub mod diagnostics;
 pub mod error;
@@ -39,6 +41,9 @@ pub mod streams;
 mod factor;
 mod sigma;
 
+pub use association::{
+    Associating, AssociationRules, DoubtingMapping, ExistenceRules, NamingParticle, Scan,
+};
 pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
