@@ -1,0 +1,161 @@
+//! FastSLAM 1.0, FastSLAM 2.0 and the unscented filter on the simulated car, from the same traits.
+
+use super::planar::{
+    ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
+};
+use super::score::{Judge, Score};
+use super::simulation::{COMMAND_INTERVAL, Scan, Settings, WHEELBASE};
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use rbpf_core::{
+    FilterConfig, Frame, Gaussian, MapUpdate, MotionModel, MotionProposal, NoRejuvenation,
+    ParticleFilter, ParticleSet, PoseAndMap, Proposal, RbpfError, Streams, UnscentedProposal,
+    wrap_angle,
+};
+use std::error::Error;
+
+/// Which proposal, weights and landmark filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Filter {
+    /// Poses from the motion model, EKF landmarks.
+    FastSlam1,
+    /// EKF proposal, EKF landmarks, weights log N(z; z^, S) at the predicted pose (Montemerlo 2003).
+    FastSlam2Published,
+    /// The same with importance weights exact for the pose drawn (Bailey, Nieto, Nebot 2006).
+    FastSlam2,
+    /// EKF proposal, unscented landmarks.
+    UnscentedLandmarks,
+    /// Unscented proposal, EKF landmarks.
+    UnscentedPoses,
+    /// Unscented proposal and landmarks, exact weights.
+    Unscented,
+}
+
+type Commands = Vec<[f64; 2]>;
+
+/// Eq. (30) of the paper; speed and steering are noisy at every command.
+#[derive(Clone, Copy, Debug)]
+struct Car {
+    speed_deviation: f64,
+    steering_deviation: f64,
+}
+
+/// Keeps the covariance of a car that does not move positive definite, m^2 and rad^2.
+const FLOOR: f64 = 1e-12;
+
+impl MotionModel<3> for Car {
+    type Control = Commands;
+
+    fn predict(&self, pose: &Vector3<f64>, commands: &Commands) -> Gaussian<3> {
+        let mut mean = *pose;
+        let mut covariance = Matrix3::identity() * FLOOR;
+        let variances = [
+            self.speed_deviation.powi(2),
+            self.steering_deviation.powi(2),
+        ];
+        for &[speed, steering] in commands {
+            let distance = speed * COMMAND_INTERVAL;
+            let (sin, cos) = (mean.z + steering).sin_cos();
+            let per_distance = Vector3::new(cos, sin, steering.sin() / WHEELBASE);
+            let per_angle = Vector3::new(-sin, cos, steering.cos() / WHEELBASE) * distance;
+            let mut f = Matrix3::identity();
+            f[(0, 2)] = -distance * sin;
+            f[(1, 2)] = distance * cos;
+            let g =
+                SMatrix::<f64, 3, 2>::from_columns(&[per_distance * COMMAND_INTERVAL, per_angle]);
+            covariance = propagate(&covariance, &f, &g, variances);
+            mean += per_distance * distance;
+        }
+        mean.z = wrap_angle(mean.z);
+        Gaussian { mean, covariance }
+    }
+
+    fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
+        let moved = pose + tangent;
+        Vector3::new(moved.x, moved.y, wrap_angle(moved.z))
+    }
+}
+
+/// Runs N particles over scans that are blocks of `block` (R / `block` is the noise of their
+/// measurements).
+///
+/// # Errors
+/// What the filter reports.
+pub(crate) fn run_filter(
+    filter: Filter,
+    particles: usize,
+    scans: &[Scan],
+    settings: &Settings,
+    block: usize,
+    seed: u64,
+) -> Result<Score, Box<dyn Error>> {
+    let motion = Car {
+        speed_deviation: settings.speed_deviation,
+        steering_deviation: settings.steering_deviation,
+    };
+    let root = (block as f64).sqrt();
+    let sensor = RangeBearing {
+        range_deviation: settings.range_deviation / root,
+        bearing_deviation: settings.bearing_deviation / root,
+    };
+    let prior = MotionProposal::<_, _, 3, 2> { motion, sensor };
+    let published = ExtendedProposal {
+        motion,
+        sensor,
+        weights: Weights::Published,
+    };
+    let extended = ExtendedProposal {
+        motion,
+        sensor,
+        weights: Weights::Exact,
+    };
+    let unscented = UnscentedProposal::<_, _, 3, 2> {
+        motion,
+        sensor,
+        iterations: 2,
+    };
+    let by_jacobians = Mapping {
+        sensor,
+        landmarks: Landmarks::Extended,
+    };
+    let by_sigma_points = Mapping {
+        sensor,
+        landmarks: Landmarks::Unscented,
+    };
+    match filter {
+        Filter::FastSlam1 => drive(particles, scans, seed, &prior, &by_jacobians),
+        Filter::FastSlam2Published => drive(particles, scans, seed, &published, &by_jacobians),
+        Filter::FastSlam2 => drive(particles, scans, seed, &extended, &by_jacobians),
+        Filter::UnscentedLandmarks => drive(particles, scans, seed, &extended, &by_sigma_points),
+        Filter::UnscentedPoses => drive(particles, scans, seed, &unscented, &by_jacobians),
+        Filter::Unscented => drive(particles, scans, seed, &unscented, &by_sigma_points),
+    }
+}
+
+fn drive(
+    particles: usize,
+    scans: &[Scan],
+    seed: u64,
+    proposal: &impl Proposal<Particle, Frame<Commands, 2>, Error = RbpfError>,
+    mapping: &impl MapUpdate<Particle, Frame<Commands, 2>, Error = RbpfError>,
+) -> Result<Score, Box<dyn Error>> {
+    // data and filter draw from different families
+    let streams = Streams::new(seed + 1_000_000);
+    let set = ParticleSet::new(vec![Particle::new(Vector3::zeros()); particles])?;
+    let mut filter = ParticleFilter::new(set, streams, FilterConfig::default())?;
+    let mut judge = Judge::default();
+    for (number, scan) in (0..).zip(scans) {
+        let frame = Frame {
+            control: scan.commands.clone(),
+            measurements: scan.measurements.clone(),
+        };
+        filter.step(number, &frame, proposal, &NoRejuvenation, mapping)?;
+        let poses: Vec<_> = filter
+            .set()
+            .particles()
+            .iter()
+            .map(PoseAndMap::pose)
+            .collect();
+        judge.take(&poses, &filter.set().weights(), &scan.truth);
+    }
+    Ok(judge.score())
+}

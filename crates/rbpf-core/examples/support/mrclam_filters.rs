@@ -1,0 +1,270 @@
+//! The filters on the MRCLAM robots.
+
+use super::association::{Associating, DoubtingMapping, Namer, Rules, Unnamed};
+use super::mrclam_data::Run;
+use super::planar::{
+    ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
+};
+use super::run::{Estimate, run};
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use rbpf_core::{Frame, Gaussian, MotionModel, UnscentedProposal, wrap_angle};
+use std::error::Error;
+
+/// Which filter, and whether it reads the barcodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Filter {
+    /// FastSLAM 2.0 with its published weights.
+    FastSlam2Published,
+    /// FastSLAM 2.0 with exact weights.
+    FastSlam2,
+    /// Unscented proposal and landmarks.
+    Unscented,
+    /// FastSLAM 2.0 that finds out itself what it sees.
+    FastSlam2Associating,
+    /// Unscented, and finds out itself.
+    UnscentedAssociating,
+}
+
+impl Filter {
+    /// All of them.
+    pub(crate) const ALL: [Self; 5] = [
+        Self::FastSlam2Published,
+        Self::FastSlam2,
+        Self::Unscented,
+        Self::FastSlam2Associating,
+        Self::UnscentedAssociating,
+    ];
+
+    /// Whether landmarks come with their names.
+    pub(crate) const fn reads_barcodes(self) -> bool {
+        !matches!(
+            self,
+            Self::FastSlam2Associating | Self::UnscentedAssociating
+        )
+    }
+
+    /// For tables.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::FastSlam2Published => "FastSLAM 2.0 published weights",
+            Self::FastSlam2 => "FastSLAM 2.0",
+            Self::Unscented => "unscented",
+            Self::FastSlam2Associating => "FastSLAM 2.0 without barcodes",
+            Self::UnscentedAssociating => "unscented without barcodes",
+        }
+    }
+}
+
+const SENSOR: RangeBearing = RangeBearing {
+    range_deviation: 0.25,
+    bearing_deviation: 0.03,
+};
+
+/// Gate of 99 %; what belongs to no landmark is as likely anywhere in 6 m and 1 rad. Barcodes are read one
+/// at a time: not being seen says nothing.
+const RULES: Rules = Rules {
+    gate: 9.21,
+    new_landmark: 40.0,
+    log_clutter: -1.8,
+    farthest: 12.0,
+    visible: [3.0, 0.3],
+    existence: [1.0, 0.0],
+};
+
+/// (seconds, forward velocity m/s, turn rate rad/s), one after the other.
+type Commands = Vec<[f64; 3]>;
+
+/// Exact arcs; the error of a command lasts as long as the command is the same second.
+#[derive(Clone, Copy, Debug)]
+struct Create;
+
+/// Standard deviations after one second: share of the speed, share of the turn rate, and metres and radians whenever the robot moves.
+const SPEED_SHARE: f64 = 0.1;
+const TURN_SHARE: f64 = 0.15;
+const SPEED_FLOOR: f64 = 0.01;
+const TURN_FLOOR: f64 = 0.02;
+
+impl MotionModel<3> for Create {
+    type Control = Commands;
+
+    fn predict(&self, pose: &Vector3<f64>, commands: &Commands) -> Gaussian<3> {
+        let mut mean = *pose;
+        let mut covariance = Matrix3::identity() * 1e-10;
+        for &[seconds, velocity, turn_rate] in commands {
+            let half_turn = 0.5 * turn_rate * seconds;
+            // chord of the arc over its length; the series is exact to 1e-14 there
+            let chord = if half_turn.abs() < 1e-3 {
+                1.0 - half_turn * half_turn / 6.0
+            } else {
+                half_turn.sin() / half_turn
+            };
+            let distance = velocity * seconds * chord;
+            let (sin, cos) = (mean.z + half_turn).sin_cos();
+            let moving = if velocity == 0.0 && turn_rate == 0.0 {
+                0.0
+            } else {
+                seconds
+            };
+            let variances = [
+                ((SPEED_SHARE * velocity).powi(2) + SPEED_FLOOR.powi(2)) * moving,
+                ((TURN_SHARE * turn_rate).powi(2) + TURN_FLOOR.powi(2)) * moving,
+            ];
+            let mut f = Matrix3::identity();
+            f[(0, 2)] = -distance * sin;
+            f[(1, 2)] = distance * cos;
+            // of the distance and of the turn; half of the turn acts before the step
+            let g = SMatrix::<f64, 3, 2>::new(
+                cos,
+                -0.5 * distance * sin,
+                sin,
+                0.5 * distance * cos,
+                0.0,
+                1.0,
+            );
+            covariance = propagate(&covariance, &f, &g, variances);
+            mean += Vector3::new(distance * cos, distance * sin, turn_rate * seconds);
+        }
+        mean.z = wrap_angle(mean.z);
+        Gaussian { mean, covariance }
+    }
+
+    fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
+        let moved = pose + tangent;
+        Vector3::new(moved.x, moved.y, wrap_angle(moved.z))
+    }
+}
+
+/// The path by the commands alone.
+pub(crate) fn dead_reckoning(recording: &Run) -> Estimate {
+    let mut pose = recording.start;
+    let poses = recording
+        .instants
+        .iter()
+        .map(|instant| {
+            pose = Create.predict(&pose, &instant.odometry).mean;
+            pose
+        })
+        .collect();
+    Estimate {
+        poses,
+        landmarks: Vec::new(),
+    }
+}
+
+/// Runs a filter through the recording.
+///
+/// # Errors
+/// What the filter reports.
+pub(crate) fn estimate(
+    recording: &Run,
+    filter: Filter,
+    particles: usize,
+    seed: u64,
+) -> Result<Estimate, Box<dyn Error>> {
+    let start = Particle::new(recording.start);
+    let named: Vec<_> = recording
+        .instants
+        .iter()
+        .map(|instant| Frame {
+            control: instant.odometry.clone(),
+            measurements: instant.measurements.clone(),
+        })
+        .collect();
+    let unnamed: Vec<_> = named
+        .iter()
+        .map(|frame| Unnamed {
+            control: frame.control.clone(),
+            measurements: frame
+                .measurements
+                .iter()
+                .map(|&(_, measured)| measured)
+                .collect::<Vec<Vector2<f64>>>(),
+        })
+        .collect();
+    let published = ExtendedProposal {
+        motion: Create,
+        sensor: SENSOR,
+        weights: Weights::Published,
+    };
+    let extended = ExtendedProposal {
+        motion: Create,
+        sensor: SENSOR,
+        weights: Weights::Exact,
+    };
+    let unscented = UnscentedProposal::<_, _, 3, 2> {
+        motion: Create,
+        sensor: SENSOR,
+        iterations: 2,
+    };
+    let by_jacobians = Mapping {
+        sensor: SENSOR,
+        landmarks: Landmarks::Extended,
+    };
+    let by_sigma_points = Mapping {
+        sensor: SENSOR,
+        landmarks: Landmarks::Unscented,
+    };
+    match filter {
+        Filter::FastSlam2Published => run(
+            start,
+            particles,
+            seed,
+            &named,
+            &published,
+            &by_jacobians,
+            |p| p.map.clone(),
+        ),
+        Filter::FastSlam2 => run(
+            start,
+            particles,
+            seed,
+            &named,
+            &extended,
+            &by_jacobians,
+            |p| p.map.clone(),
+        ),
+        Filter::Unscented => run(
+            start,
+            particles,
+            seed,
+            &named,
+            &unscented,
+            &by_sigma_points,
+            |p| p.map.clone(),
+        ),
+        Filter::FastSlam2Associating => run(
+            Namer::new(start),
+            particles,
+            seed,
+            &unnamed,
+            &Associating {
+                motion: Create,
+                sensor: SENSOR,
+                inner: extended,
+                rules: RULES,
+            },
+            &DoubtingMapping {
+                mapping: by_jacobians,
+                rules: RULES,
+            },
+            |namer| namer.particle.map.clone(),
+        ),
+        Filter::UnscentedAssociating => run(
+            Namer::new(start),
+            particles,
+            seed,
+            &unnamed,
+            &Associating {
+                motion: Create,
+                sensor: SENSOR,
+                inner: unscented,
+                rules: RULES,
+            },
+            &DoubtingMapping {
+                mapping: by_sigma_points,
+                rules: RULES,
+            },
+            |namer| namer.particle.map.clone(),
+        ),
+    }
+}
