@@ -24,7 +24,7 @@ mod simulation;
 
 use arguments::Arguments;
 use filters::{Filter, run_filter};
-use score::{NEES_BAND, Score, mean_and_error};
+use score::{Judge, NEES_BAND, Score, mean_and_error};
 use simulation::{Settings, World, simulate};
 use std::error::Error;
 use std::fmt::Write;
@@ -45,50 +45,53 @@ const LARGE_LOOP: [[f64; 2]; 8] = [
     [0.0, 100.0],
     [0.0, 0.0],
 ];
-/// Scans in a block of the folded filters: one second.
-const BLOCK: usize = 5;
+/// Scans in a block at most: one second.
+const LONGEST_BLOCK: usize = 5;
+
+/// Between a mean and its standard error.
+const PLUS_MINUS: &str = " +- ";
 
 /// One line of a table: a filter and how it is fed.
 #[derive(Clone, Copy)]
 struct Entry {
     name: &'static str,
     filter: Filter,
-    /// Scans in a frame.
-    block: usize,
+    /// Whether scans are folded.
+    folded: bool,
 }
 
-const fn entry(name: &'static str, filter: Filter, block: usize) -> Entry {
+const fn entry(name: &'static str, filter: Filter, folded: bool) -> Entry {
     Entry {
         name,
         filter,
-        block,
+        folded,
     }
 }
 
 const ENTRIES: [Entry; 8] = [
-    entry("FastSLAM 1.0", Filter::FastSlam1, 1),
+    entry("FastSLAM 1.0", Filter::FastSlam1, false),
     entry(
         "FastSLAM 2.0, published weights",
         Filter::FastSlam2Published,
-        1,
+        false,
     ),
-    entry("FastSLAM 2.0, exact weights", Filter::FastSlam2, 1),
+    entry("FastSLAM 2.0, exact weights", Filter::FastSlam2, false),
     entry(
         "FastSLAM 2.0 with unscented landmarks",
         Filter::UnscentedLandmarks,
-        1,
+        false,
     ),
     entry(
         "unscented proposal, EKF landmarks",
         Filter::UnscentedPoses,
-        1,
+        false,
     ),
-    entry("unscented", Filter::Unscented, 1),
-    entry("unscented, folded", Filter::Unscented, BLOCK),
+    entry("unscented", Filter::Unscented, false),
+    entry("unscented, folded", Filter::Unscented, true),
     entry(
         "FastSLAM 2.0, exact weights, folded",
         Filter::FastSlam2,
-        BLOCK,
+        true,
     ),
 ];
 /// Positions in [`ENTRIES`].
@@ -133,15 +136,23 @@ fn scores(
         .map(|seed| {
             let world = World::along(setting.path, spacing, reach, seed);
             let (_, scans) = simulate(&world, &setting.settings, seed);
-            let scans = fold::fold_scans(&scans, entry.block);
+            let block = if entry.folded {
+                fold::block_size(&setting.settings, LONGEST_BLOCK)
+            } else {
+                1
+            };
+            let scans = fold::fold_scans(&scans, block);
+            let mut judge = Judge::default();
             run_filter(
                 entry.filter,
                 particles,
                 &scans,
                 &setting.settings,
-                entry.block,
+                block,
                 seed,
-            )
+                |poses, weights, scan| judge.take(poses, weights, &scan.truth),
+            )?;
+            Ok(judge.score())
         })
         .collect()
 }
@@ -166,18 +177,7 @@ impl Output {
                 println!("|{}", "---|".repeat(row.len()));
             }
         }
-        let mut text = String::new();
-        for row in rows {
-            writeln!(
-                text,
-                "{}",
-                row.join(";")
-                    .replace(',', "")
-                    .replace(';', ",")
-                    .replace(" +- ", ",")
-            )?;
-        }
-        self.write(file, &text)
+        self.write(file, &csv(rows))
     }
 
     fn write(&self, file: &str, text: &str) -> Result<(), Box<dyn Error>> {
@@ -189,12 +189,37 @@ impl Output {
     }
 }
 
+/// The rows with an error column after each that has errors.
+fn csv(rows: &[Vec<String>]) -> String {
+    let with_error = |column: usize| {
+        rows.get(1)
+            .is_some_and(|row| row[column].contains(PLUS_MINUS))
+    };
+    let mut lines = Vec::new();
+    for (number, row) in rows.iter().enumerate() {
+        let cells: Vec<String> = row
+            .iter()
+            .enumerate()
+            .map(|(column, cell)| {
+                let cell = cell.replace(',', "");
+                if number == 0 && with_error(column) {
+                    format!("{cell},{cell} error")
+                } else {
+                    cell.replace(PLUS_MINUS, ",")
+                }
+            })
+            .collect();
+        lines.push(cells.join(",") + "\n");
+    }
+    lines.concat()
+}
+
 fn head(names: &[&str]) -> Vec<String> {
     names.iter().map(ToString::to_string).collect()
 }
 
 fn plus_minus((mean, error): (f64, f64)) -> String {
-    format!("{mean:.3} +- {error:.3}")
+    format!("{mean:.3}{PLUS_MINUS}{error:.3}")
 }
 
 /// (1) 3 particles, 0.2 m and 8 degrees.
@@ -386,7 +411,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         rectangle(&output, 200)?;
         sweep(&output, 50)?;
-        particles(&output, 40, &[1, 3, 10, 50, 100])?;
+        particles(&output, 30, &[1, 3, 10, 50, 100])?;
         consistency(&output, 30, &[50, 100, 500])
     }
 }

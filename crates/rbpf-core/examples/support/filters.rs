@@ -3,7 +3,6 @@
 use super::planar::{
     ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
 };
-use super::score::{Judge, Score};
 use super::simulation::{COMMAND_INTERVAL, Scan, Settings, WHEELBASE};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rbpf_core::{
@@ -75,7 +74,8 @@ impl MotionModel<3> for Car {
     }
 }
 
-/// Runs N particles over scans that are blocks of `block` (R / `block` is the noise of their
+/// Runs N particles over scans and shows `each` the poses, their weights and the scan. Scans are
+/// blocks of `block` (R / `block` is the noise of their
 /// measurements).
 ///
 /// # Errors
@@ -87,7 +87,8 @@ pub(crate) fn run_filter(
     settings: &Settings,
     block: usize,
     seed: u64,
-) -> Result<Score, Box<dyn Error>> {
+    each: impl FnMut(&[Vector3<f64>], &[f64], &Scan),
+) -> Result<(), Box<dyn Error>> {
     let motion = Car {
         speed_deviation: settings.speed_deviation,
         steering_deviation: settings.steering_deviation,
@@ -122,12 +123,16 @@ pub(crate) fn run_filter(
         landmarks: Landmarks::Unscented,
     };
     match filter {
-        Filter::FastSlam1 => drive(particles, scans, seed, &prior, &by_jacobians),
-        Filter::FastSlam2Published => drive(particles, scans, seed, &published, &by_jacobians),
-        Filter::FastSlam2 => drive(particles, scans, seed, &extended, &by_jacobians),
-        Filter::UnscentedLandmarks => drive(particles, scans, seed, &extended, &by_sigma_points),
-        Filter::UnscentedPoses => drive(particles, scans, seed, &unscented, &by_jacobians),
-        Filter::Unscented => drive(particles, scans, seed, &unscented, &by_sigma_points),
+        Filter::FastSlam1 => drive(particles, scans, seed, &prior, &by_jacobians, each),
+        Filter::FastSlam2Published => {
+            drive(particles, scans, seed, &published, &by_jacobians, each)
+        }
+        Filter::FastSlam2 => drive(particles, scans, seed, &extended, &by_jacobians, each),
+        Filter::UnscentedLandmarks => {
+            drive(particles, scans, seed, &extended, &by_sigma_points, each)
+        }
+        Filter::UnscentedPoses => drive(particles, scans, seed, &unscented, &by_jacobians, each),
+        Filter::Unscented => drive(particles, scans, seed, &unscented, &by_sigma_points, each),
     }
 }
 
@@ -137,12 +142,12 @@ fn drive(
     seed: u64,
     proposal: &impl Proposal<Particle, Frame<Commands, 2>, Error = RbpfError>,
     mapping: &impl MapUpdate<Particle, Frame<Commands, 2>, Error = RbpfError>,
-) -> Result<Score, Box<dyn Error>> {
+    mut each: impl FnMut(&[Vector3<f64>], &[f64], &Scan),
+) -> Result<(), Box<dyn Error>> {
     // data and filter draw from different families
     let streams = Streams::new(seed + 1_000_000);
     let set = ParticleSet::new(vec![Particle::new(Vector3::zeros()); particles])?;
     let mut filter = ParticleFilter::new(set, streams, FilterConfig::default())?;
-    let mut judge = Judge::default();
     for (number, scan) in (0..).zip(scans) {
         let frame = Frame {
             control: scan.commands.clone(),
@@ -155,7 +160,7 @@ fn drive(
             .iter()
             .map(PoseAndMap::pose)
             .collect();
-        judge.take(&poses, &filter.set().weights(), &scan.truth);
+        each(&poses, &filter.set().weights(), scan);
     }
-    Ok(judge.score())
+    Ok(())
 }

@@ -6,10 +6,18 @@
 //! there. A filter that takes the block as one frame draws one pose instead of K, and what a particle
 //! remembers of its own draws (its map) walks away K times slower.
 
-use super::simulation::{COMMAND_INTERVAL, Scan, WHEELBASE};
+use super::simulation::{COMMAND_INTERVAL, COMMANDS_PER_SCAN, Scan, Settings, WHEELBASE};
 use nalgebra::{Vector2, Vector3};
 use rbpf_core::wrap_angle;
 use std::collections::BTreeMap;
+
+/// How many scans to fold, at most `longest`: as many as leave the heading that odometry loses over the block below
+/// half the bearing noise of the averages, sqrt(K) h < (1/2) sigma / sqrt(K).
+pub(crate) fn block_size(settings: &Settings, longest: usize) -> usize {
+    let per_command = settings.speed * COMMAND_INTERVAL * settings.steering_deviation / WHEELBASE;
+    let per_scan = per_command * (COMMANDS_PER_SCAN as f64).sqrt();
+    ((settings.bearing_deviation / (2.0 * per_scan)) as usize).clamp(1, longest)
+}
 
 /// Blocks of `size` scans, each as one scan at its last pose. Averages have R / `size` as covariance:
 /// a landmark that was not in every scan of its block (2 % of the measurements) is left out there.
@@ -39,7 +47,6 @@ fn fold(block: &[Scan]) -> Option<Scan> {
         .collect();
     let last = block.last()?;
     Some(Scan {
-        time: last.time,
         truth: last.truth,
         commands: block
             .iter()

@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Between two commands, seconds (40 Hz).
 pub(crate) const COMMAND_INTERVAL: f64 = 0.025;
 /// Commands between two scans (5 Hz).
-const COMMANDS_PER_SCAN: usize = 8;
+pub(crate) const COMMANDS_PER_SCAN: usize = 8;
 /// Metres from the front to the rear axle.
 pub(crate) const WHEELBASE: f64 = 0.26;
 /// A waypoint is reached within this many metres.
@@ -83,8 +83,6 @@ pub(crate) struct Settings {
 /// What happened up to and in one scan.
 #[derive(Clone, Debug)]
 pub(crate) struct Scan {
-    /// Seconds since the start.
-    pub(crate) time: f64,
     /// x, y in metres, heading in radians.
     pub(crate) truth: Vector3<f64>,
     /// Speed and steering angle as told to the filter, one pair every [`COMMAND_INTERVAL`].
@@ -140,9 +138,7 @@ pub(crate) fn simulate(
                 measurements.push((id, noisy));
             }
         }
-        let time = (scans.len() + 1) as f64 * COMMANDS_PER_SCAN as f64 * COMMAND_INTERVAL;
         scans.push(Scan {
-            time,
             truth: pose,
             commands,
             measurements,
