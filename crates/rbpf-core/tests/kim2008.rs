@@ -83,7 +83,7 @@ fn column(scores: &[Score], value: fn(&Score) -> f64) -> Vec<f64> {
 
 #[test]
 fn val_kim2008_ten_particles_are_not_worse_than_fastslam2_with_fifty() {
-    let ours = scores(&LOOP, Filter::Unscented, 10, BLOCK, 12);
+    let ours = scores(&LOOP, Filter::Unscented, 10, 1, 12);
     let theirs = scores(&LOOP, Filter::FastSlam2, 50, 1, 12);
     for value in [|score: &Score| score.mse, |score: &Score| score.aligned_mse] {
         let pairs = column(&ours, value).into_iter().zip(column(&theirs, value));
