@@ -60,7 +60,39 @@ pub enum RbpfError {
         /// Value found there.
         value: f64,
     },
-    /// A measurement, pose or control with NaN or infinite entries.
+    /// A covariance that is not symmetric.
+    #[error(
+        "{what}: entries ({row}, {column}) and ({column}, {row}) differ by {difference}, 0 required"
+    )]
+    NotSymmetric {
+        /// Which covariance.
+        what: &'static str,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// One entry less the other.
+        difference: f64,
+    },
+    /// Two measurements of one landmark in one frame.
+    #[error("landmark {id} is measured {times} times in one frame, once at most allowed")]
+    DuplicateId {
+        /// The landmark.
+        id: u32,
+        /// Measurements of it.
+        times: usize,
+    },
+    /// A measurement with NaN or infinity.
+    #[error("entry {entry} of measurement {id} is {value}, a finite number required")]
+    MeasurementNotFinite {
+        /// Id of the landmark, or place in a scan without ids.
+        id: u32,
+        /// Which entry, from 0.
+        entry: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A pose, landmark or matrix with NaN or infinite entries.
     #[error("{what} has entries that are not finite")]
     NotFinite {
         /// Which quantity.

@@ -12,27 +12,38 @@
 //! 7. [`diagnostics`]: unique ancestors and coalescence of the paths;
 //! 8. [`particle_set`] and [`filter`]: weights and ancestors of a set, and the order of a frame over
 //!    three narrow traits;
-//! 9. `models` and `proposal` (feature `ukf`): motion and observation models, and the two generic
-//!    proposals, prior and unscented.
+//! 9. [`models`]: what is asked of a robot and its sensor, by traits of one to three methods;
+//! 10. [`proposal`]: from the motion model, extended, unscented, with exact weights;
+//! 11. [`landmark_filter`] and [`landmark_particle`]: the landmarks of a particle and their update;
+//! 12. [`range_bearing`]: a planar sensor and two vehicles, ready to use;
+//! 13. [`association`]: scans without ids, named by each particle.
 //!
 //! The results do not depend on the number of threads: random numbers are keyed by the particle,
 //! and every reduction runs in particle order.
 
+pub mod association;
 pub mod circular;
 pub mod diagnostics;
 pub mod error;
 pub mod filter;
 pub mod history;
+pub mod landmark_filter;
 pub mod landmark_map;
+pub mod landmark_particle;
 pub mod log_weights;
-#[cfg(feature = "ukf")]
 pub mod models;
 pub mod particle_set;
-#[cfg(feature = "ukf")]
 pub mod proposal;
+pub mod range_bearing;
 pub mod resampling;
 pub mod streams;
 
+mod factor;
+mod sigma;
+
+pub use association::{
+    Associating, AssociationRules, DoubtingMapping, ExistenceRules, NamingParticle, Scan,
+};
 pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
@@ -41,13 +52,20 @@ pub use filter::{
     RejuvenationReport, RejuvenationSchedule, StepReport,
 };
 pub use history::PersistentPath;
+pub use landmark_filter::{ExtendedLandmarks, LandmarkFilter, LandmarkUpdate, UnscentedLandmarks};
 pub use landmark_map::{CowMap, SharedLeaves};
+pub use landmark_particle::{Landmark, LandmarkMapping, LandmarkParticle};
 pub use log_weights::{effective_count, log_sum_exp, normalize};
-#[cfg(feature = "ukf")]
-pub use models::{Frame, Gaussian, MotionModel, ObservationModel, PoseAndMap};
+pub use models::{
+    FieldOfView, Frame, Gaussian, InverseObservation, MotionModel, ObservationJacobians,
+    ObservationModel, PoseAndMap,
+};
 pub use particle_set::ParticleSet;
-#[cfg(feature = "ukf")]
-pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
+pub use proposal::{
+    ExtendedProposal, Linearisation, MotionProposal, UnscentedProposal, linearised_log_likelihood,
+    log_likelihood,
+};
+pub use range_bearing::{Bicycle, Command, Deviation, Propagation, RangeBearing, Unicycle};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
 

@@ -5,8 +5,6 @@
 
 use crate::error::RbpfError;
 use nalgebra::{SMatrix, SVector};
-use std::f64::consts::TAU;
-use ukf::{Cholesky, Step, UkfError};
 
 /// A Gaussian in N dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,12 +52,55 @@ pub trait ObservationModel<const D: usize, const K: usize, const M: usize>: Sync
     }
 }
 
+/// Derivatives of a measurement, for everything extended.
+pub trait ObservationJacobians<const D: usize, const K: usize, const M: usize>:
+    ObservationModel<D, K, M>
+{
+    /// d z / d tangent of the pose (M x D; the tangent of [`MotionModel::retract`] at `pose`) and
+    /// d z / d landmark (M x K); `None` where there is no prediction.
+    fn jacobians(
+        &self,
+        pose: &SVector<f64, D>,
+        landmark: &SVector<f64, K>,
+    ) -> Option<(SMatrix<f64, M, D>, SMatrix<f64, M, K>)>;
+}
+
+/// Where one measurement puts a landmark.
+pub trait InverseObservation<const D: usize, const K: usize, const M: usize>:
+    ObservationModel<D, K, M>
+{
+    /// The landmark seen as `measurement` from `pose`; `None` if one measurement does not tell.
+    fn locate(
+        &self,
+        pose: &SVector<f64, D>,
+        measurement: &SVector<f64, M>,
+    ) -> Option<SVector<f64, K>>;
+
+    /// d landmark / d z, K x M.
+    fn locate_jacobian(
+        &self,
+        pose: &SVector<f64, D>,
+        measurement: &SVector<f64, M>,
+    ) -> Option<SMatrix<f64, K, M>>;
+}
+
+/// Which landmarks a sensor can see, for unknown association.
+pub trait FieldOfView<const D: usize, const K: usize>: Sync {
+    /// Whether a measurement from about `pose` may be of `landmark`; generous, to save the
+    /// comparison with all others.
+    fn reaches(&self, pose: &SVector<f64, D>, landmark: &SVector<f64, K>) -> bool;
+
+    /// Whether `landmark` is so well in view that not seeing it is evidence against it.
+    fn expects(&self, pose: &SVector<f64, D>, landmark: &SVector<f64, K>) -> bool;
+}
+
 /// A particle that the generic proposals can move.
 pub trait PoseAndMap<const D: usize, const K: usize>: Clone {
     /// The present pose.
     fn pose(&self) -> SVector<f64, D>;
 
-    /// Takes the new pose, appending it to the path if there is one.
+    /// Takes the new pose. Proposals and moves may call it more than once in a frame: a path takes its
+    /// pose in the map update.
     fn set_pose(&mut self, pose: SVector<f64, D>);
 
     /// The landmark of this id in the particle's own map.
@@ -75,30 +116,38 @@ pub struct Frame<C, const M: usize> {
     pub measurements: Vec<(u32, SVector<f64, M>)>,
 }
 
-/// log N(difference; 0, P), P given by its factor.
-pub(crate) fn log_gaussian<const N: usize>(
-    difference: &SVector<f64, N>,
-    factor: &Cholesky<N>,
-) -> f64 {
-    let normaliser = factor.log_determinant() + N as f64 * TAU.ln();
-    -0.5 * (factor.mahalanobis_squared(difference) + normaliser)
-}
-
-/// Cholesky of a covariance; an error names `what` it is the covariance of.
-pub(crate) fn factorise<const N: usize>(
-    covariance: &SMatrix<f64, N, N>,
-    what: &'static str,
-) -> Result<Cholesky<N>, RbpfError> {
-    Cholesky::positive_definite(covariance, Step::Prediction)
-        .map_err(|error| from_ukf(&error, what))
-}
-
-/// The error of this crate for one of the filter beneath.
-pub(crate) const fn from_ukf(error: &UkfError, what: &'static str) -> RbpfError {
-    match *error {
-        UkfError::NotPositiveDefinite { pivot, value, .. } => {
-            RbpfError::NotPositiveDefinite { what, pivot, value }
+impl<C, const M: usize> Frame<C, M> {
+    /// Refuses what would be counted twice or not at all. O(n), O(n log n) for ids out of order.
+    ///
+    /// # Errors
+    /// [`RbpfError::DuplicateId`], [`RbpfError::MeasurementNotFinite`].
+    pub fn check(&self) -> Result<(), RbpfError> {
+        if !self.measurements.is_sorted_by_key(|(id, _)| *id)
+            || self
+                .measurements
+                .windows(2)
+                .any(|pair| pair[0].0 == pair[1].0)
+        {
+            let mut ids: Vec<u32> = self.measurements.iter().map(|(id, _)| *id).collect();
+            ids.sort_unstable();
+            if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
+                let times = ids.iter().filter(|id| **id == pair[0]).count();
+                return Err(RbpfError::DuplicateId { id: pair[0], times });
+            }
         }
-        _ => RbpfError::NotFinite { what },
+        self.measurements
+            .iter()
+            .try_for_each(|(id, measured)| check_measurement(*id, measured))
+    }
+}
+
+/// `id` names the measurement in the error.
+pub(crate) fn check_measurement<const M: usize>(
+    id: u32,
+    measured: &SVector<f64, M>,
+) -> Result<(), RbpfError> {
+    match measured.iter().enumerate().find(|(_, z)| !z.is_finite()) {
+        Some((entry, &value)) => Err(RbpfError::MeasurementNotFinite { id, entry, value }),
+        None => Ok(()),
     }
 }
