@@ -9,8 +9,10 @@
 
 #[path = "support/filters.rs"]
 mod filters;
-#[path = "support/planar.rs"]
-mod planar;
+#[path = "support/motion.rs"]
+mod motion;
+#[path = "support/published.rs"]
+mod published;
 #[path = "support/simulation.rs"]
 mod simulation;
 

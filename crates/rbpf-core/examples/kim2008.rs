@@ -15,8 +15,10 @@ mod arguments;
 mod filters;
 #[path = "support/fold.rs"]
 mod fold;
-#[path = "support/planar.rs"]
-mod planar;
+#[path = "support/motion.rs"]
+mod motion;
+#[path = "support/published.rs"]
+mod published;
 #[path = "support/score.rs"]
 mod score;
 #[path = "support/simulation.rs"]
@@ -411,7 +413,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         rectangle(&output, 200)?;
         sweep(&output, 50)?;
-        particles(&output, 30, &[1, 3, 10, 50, 100])?;
+        particles(&output, 30, &[1, 3, 10, 50])?;
         consistency(&output, 30, &[50, 100, 500])
     }
 }

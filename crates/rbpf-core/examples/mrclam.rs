@@ -15,14 +15,14 @@
 mod align;
 #[path = "support/arguments.rs"]
 mod arguments;
-#[path = "support/association.rs"]
-mod association;
+#[path = "support/motion.rs"]
+mod motion;
 #[path = "support/mrclam_data.rs"]
 mod mrclam_data;
 #[path = "support/mrclam_filters.rs"]
 mod mrclam_filters;
-#[path = "support/planar.rs"]
-mod planar;
+#[path = "support/published.rs"]
+mod published;
 #[path = "support/run.rs"]
 mod run;
 #[path = "support/tables.rs"]

@@ -14,12 +14,12 @@
 mod align;
 #[path = "support/arguments.rs"]
 mod arguments;
-#[path = "support/association.rs"]
-mod association;
+#[path = "support/motion.rs"]
+mod motion;
 #[path = "support/park_filters.rs"]
 mod park_filters;
-#[path = "support/planar.rs"]
-mod planar;
+#[path = "support/published.rs"]
+mod published;
 #[path = "support/run.rs"]
 mod run;
 #[path = "support/tables.rs"]

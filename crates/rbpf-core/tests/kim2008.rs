@@ -6,8 +6,10 @@ mod align;
 mod filters;
 #[path = "../examples/support/fold.rs"]
 mod fold;
-#[path = "../examples/support/planar.rs"]
-mod planar;
+#[path = "../examples/support/motion.rs"]
+mod motion;
+#[path = "../examples/support/published.rs"]
+mod published;
 #[path = "../examples/support/score.rs"]
 mod score;
 #[path = "../examples/support/simulation.rs"]
@@ -15,7 +17,7 @@ mod simulation;
 
 use filters::{Filter, run_filter};
 use fold::{block_size, fold_scans};
-use planar::measure;
+use rbpf_core::{ObservationModel, RangeBearing};
 use score::{Judge, NEES_BAND, Score, mean_and_error};
 use simulation::{Scan, Settings, World, simulate};
 
@@ -188,7 +190,9 @@ fn folding_exact_scans_changes_nothing() {
     let mut compared = 0;
     for scan in &folded {
         for (id, measured) in &scan.measurements {
-            let expected = measure(&scan.truth, &landmarks[*id as usize]);
+            let expected = RangeBearing::new(1.0, 1.0)
+                .predict(&scan.truth, &landmarks[*id as usize])
+                .unwrap();
             let bearing = rbpf_core::wrap_angle(measured.y - expected.y);
             assert!(
                 (measured.x - expected.x).abs() < 1e-11 && bearing.abs() < 1e-11,

@@ -2,16 +2,16 @@
 
 #[path = "../examples/support/align.rs"]
 mod align;
-#[path = "../examples/support/association.rs"]
-mod association;
+#[path = "../examples/support/motion.rs"]
+mod motion;
 #[path = "../examples/support/mrclam_data.rs"]
 mod mrclam_data;
 #[path = "../examples/support/mrclam_filters.rs"]
 mod mrclam_filters;
 #[path = "../examples/support/park_filters.rs"]
 mod park_filters;
-#[path = "../examples/support/planar.rs"]
-mod planar;
+#[path = "../examples/support/published.rs"]
+mod published;
 #[path = "../examples/support/run.rs"]
 mod run;
 #[path = "../examples/support/tables.rs"]

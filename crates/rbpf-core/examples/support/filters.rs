@@ -1,16 +1,18 @@
 //! FastSLAM 1.0, FastSLAM 2.0 and the unscented filter on the simulated car, from the same traits.
 
-use super::planar::{
-    ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
-};
+use super::motion::{moved, propagate};
+use super::published::PublishedProposal;
 use super::simulation::{COMMAND_INTERVAL, Scan, Settings, WHEELBASE};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rbpf_core::{
-    FilterConfig, Frame, Gaussian, MapUpdate, MotionModel, MotionProposal, NoRejuvenation,
-    ParticleFilter, ParticleSet, PoseAndMap, Proposal, RbpfError, Streams, UnscentedProposal,
-    wrap_angle,
+    ExtendedLandmarks, ExtendedProposal, FilterConfig, Frame, Gaussian, LandmarkMapping,
+    LandmarkParticle, Linearisation, MapUpdate, MotionModel, MotionProposal, NoRejuvenation,
+    ParticleFilter, ParticleSet, PoseAndMap, Proposal, RangeBearing, RbpfError, Streams,
+    UnscentedLandmarks, UnscentedProposal, wrap_angle,
 };
 use std::error::Error;
+
+type Particle = LandmarkParticle<3, 2>;
 
 /// Which proposal, weights and landmark filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,8 +71,7 @@ impl MotionModel<3> for Car {
     }
 
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        let moved = pose + tangent;
-        Vector3::new(moved.x, moved.y, wrap_angle(moved.z))
+        moved(pose, tangent)
     }
 }
 
@@ -94,33 +95,29 @@ pub(crate) fn run_filter(
         steering_deviation: settings.steering_deviation,
     };
     let root = (block as f64).sqrt();
-    let sensor = RangeBearing {
-        range_deviation: settings.range_deviation / root,
-        bearing_deviation: settings.bearing_deviation / root,
-    };
+    let sensor = RangeBearing::new(
+        settings.range_deviation / root,
+        settings.bearing_deviation / root,
+    );
     let prior = MotionProposal::<_, _, 3, 2> { motion, sensor };
-    let published = ExtendedProposal {
+    let published = PublishedProposal { motion, sensor };
+    let extended = ExtendedProposal::<_, _, 3, 2> {
         motion,
         sensor,
-        weights: Weights::Published,
-    };
-    let extended = ExtendedProposal {
-        motion,
-        sensor,
-        weights: Weights::Exact,
+        linearisation: Linearisation::Sequential,
     };
     let unscented = UnscentedProposal::<_, _, 3, 2> {
         motion,
         sensor,
         iterations: 2,
     };
-    let by_jacobians = Mapping {
+    let by_jacobians = LandmarkMapping {
         sensor,
-        landmarks: Landmarks::Extended,
+        filter: ExtendedLandmarks,
     };
-    let by_sigma_points = Mapping {
+    let by_sigma_points = LandmarkMapping {
         sensor,
-        landmarks: Landmarks::Unscented,
+        filter: UnscentedLandmarks,
     };
     match filter {
         Filter::FastSlam1 => drive(particles, scans, seed, &prior, &by_jacobians, each),

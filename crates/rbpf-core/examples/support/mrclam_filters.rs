@@ -1,13 +1,16 @@
 //! The filters on the MRCLAM robots.
 
-use super::association::{Associating, DoubtingMapping, Namer, Rules, Unnamed};
+use super::motion::{moved, propagate};
 use super::mrclam_data::Run;
-use super::planar::{
-    ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
-};
+use super::published::PublishedProposal;
 use super::run::{Estimate, run};
-use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
-use rbpf_core::{Frame, Gaussian, MotionModel, UnscentedProposal, wrap_angle};
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use rbpf_core::{
+    Associating, AssociationRules, DoubtingMapping, ExistenceRules, ExtendedLandmarks,
+    ExtendedProposal, Frame, Gaussian, LandmarkMapping, LandmarkParticle, Linearisation,
+    MotionModel, NamingParticle, RangeBearing, Scan, UnscentedLandmarks, UnscentedProposal,
+    wrap_angle,
+};
 use std::error::Error;
 
 /// Which filter, and whether it reads the barcodes.
@@ -55,20 +58,26 @@ impl Filter {
     }
 }
 
+/// Barcodes are read up to 8 m away, those within 6 m and 0.3 rad often.
 const SENSOR: RangeBearing = RangeBearing {
     range_deviation: 0.25,
     bearing_deviation: 0.04,
+    farthest: 8.0,
+    half_angle: 0.375,
 };
 
 /// Gate of 99 %; what belongs to no landmark is as likely anywhere in 6 m and 1 rad. Misread barcodes make landmarks
 /// that are not there: one that is near and ahead and not seen is doubted, if slowly, since barcodes are read one at a time.
-const RULES: Rules = Rules {
+const RULES: AssociationRules = AssociationRules {
     gate: 9.21,
     new_landmark: 60.0,
-    log_clutter: -1.8,
-    farthest: 12.0,
-    visible: [3.0, 0.3],
-    existence: [1.0, -0.1],
+    log_new: -1.8,
+};
+const EXISTENCE: ExistenceRules = ExistenceRules {
+    seen: 1.0,
+    missed: -0.1,
+    highest: 8.0,
+    lowest: -1.0,
 };
 
 /// (seconds, forward velocity m/s, turn rate rad/s), one after the other.
@@ -129,8 +138,7 @@ impl MotionModel<3> for Create {
     }
 
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        let moved = pose + tangent;
-        Vector3::new(moved.x, moved.y, wrap_angle(moved.z))
+        moved(pose, tangent)
     }
 }
 
@@ -161,7 +169,8 @@ pub(crate) fn estimate(
     particles: usize,
     seed: u64,
 ) -> Result<Estimate, Box<dyn Error>> {
-    let start = Particle::new(recording.start);
+    let start = LandmarkParticle::new(recording.start);
+    let naming = NamingParticle::<3, 2, 2>::new(start.clone());
     let named: Vec<_> = recording
         .instants
         .iter()
@@ -172,37 +181,36 @@ pub(crate) fn estimate(
         .collect();
     let unnamed: Vec<_> = named
         .iter()
-        .map(|frame| Unnamed {
+        .map(|frame| Scan {
             control: frame.control.clone(),
             measurements: frame
                 .measurements
                 .iter()
                 .map(|&(_, measured)| measured)
-                .collect::<Vec<Vector2<f64>>>(),
+                .collect(),
         })
         .collect();
-    let published = ExtendedProposal {
+    let published = PublishedProposal {
         motion: Create,
         sensor: SENSOR,
-        weights: Weights::Published,
     };
-    let extended = ExtendedProposal {
+    let extended = ExtendedProposal::<_, _, 3, 2> {
         motion: Create,
         sensor: SENSOR,
-        weights: Weights::Exact,
+        linearisation: Linearisation::Sequential,
     };
     let unscented = UnscentedProposal::<_, _, 3, 2> {
         motion: Create,
         sensor: SENSOR,
         iterations: 2,
     };
-    let by_jacobians = Mapping {
+    let by_jacobians = LandmarkMapping {
         sensor: SENSOR,
-        landmarks: Landmarks::Extended,
+        filter: ExtendedLandmarks,
     };
-    let by_sigma_points = Mapping {
+    let by_sigma_points = LandmarkMapping {
         sensor: SENSOR,
-        landmarks: Landmarks::Unscented,
+        filter: UnscentedLandmarks,
     };
     match filter {
         Filter::FastSlam2Published => run(
@@ -212,7 +220,7 @@ pub(crate) fn estimate(
             &named,
             &published,
             &by_jacobians,
-            |p| p.map.clone(),
+            Clone::clone,
         ),
         Filter::FastSlam2 => run(
             start,
@@ -221,7 +229,7 @@ pub(crate) fn estimate(
             &named,
             &extended,
             &by_jacobians,
-            |p| p.map.clone(),
+            Clone::clone,
         ),
         Filter::Unscented => run(
             start,
@@ -230,10 +238,10 @@ pub(crate) fn estimate(
             &named,
             &unscented,
             &by_sigma_points,
-            |p| p.map.clone(),
+            Clone::clone,
         ),
         Filter::FastSlam2Associating => run(
-            Namer::new(start),
+            naming,
             particles,
             seed,
             &unnamed,
@@ -245,12 +253,12 @@ pub(crate) fn estimate(
             },
             &DoubtingMapping {
                 mapping: by_jacobians,
-                rules: RULES,
+                existence: EXISTENCE,
             },
-            |namer| namer.particle.map.clone(),
+            |naming| naming.particle.clone(),
         ),
         Filter::UnscentedAssociating => run(
-            Namer::new(start),
+            naming,
             particles,
             seed,
             &unnamed,
@@ -262,9 +270,9 @@ pub(crate) fn estimate(
             },
             &DoubtingMapping {
                 mapping: by_sigma_points,
-                rules: RULES,
+                existence: EXISTENCE,
             },
-            |namer| namer.particle.map.clone(),
+            |naming| naming.particle.clone(),
         ),
     }
 }

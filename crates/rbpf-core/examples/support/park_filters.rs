@@ -1,13 +1,15 @@
 //! The car of Victoria Park and the filters on it.
 
-use super::association::{Associating, DoubtingMapping, Namer, Rules, Unnamed};
-use super::planar::{
-    ExtendedProposal, Landmarks, Mapping, Particle, RangeBearing, Weights, propagate,
-};
+use super::motion::{moved, propagate};
+use super::published::PublishedProposal;
 use super::run::{Estimate, run};
 use super::victoria_data::Run;
 use nalgebra::{Matrix3, SMatrix, Vector3};
-use rbpf_core::{Gaussian, MotionModel, UnscentedProposal, wrap_angle};
+use rbpf_core::{
+    Associating, AssociationRules, DoubtingMapping, ExistenceRules, ExtendedLandmarks,
+    ExtendedProposal, Gaussian, LandmarkMapping, LandmarkParticle, Linearisation, MotionModel,
+    NamingParticle, RangeBearing, Scan, UnscentedLandmarks, UnscentedProposal, wrap_angle,
+};
 use std::error::Error;
 
 /// Which filter; nobody knows the trunks by name.
@@ -39,17 +41,22 @@ impl Filter {
 const SENSOR: RangeBearing = RangeBearing {
     range_deviation: 0.5,
     bearing_deviation: 0.026,
+    farthest: 30.0,
+    half_angle: std::f64::consts::FRAC_PI_2,
 };
 
 /// Gate of 99 %; what belongs to no trunk is as likely anywhere in 30 m and pi rad. A trunk not seen
 /// within 20 m is less likely to be there.
-const RULES: Rules = Rules {
+const RULES: AssociationRules = AssociationRules {
     gate: 9.21,
     new_landmark: 60.0,
-    log_clutter: -4.5,
-    farthest: 45.0,
-    visible: [20.0, 1.3],
-    existence: [1.0, -0.3],
+    log_new: -4.5,
+};
+const EXISTENCE: ExistenceRules = ExistenceRules {
+    seen: 1.0,
+    missed: -0.3,
+    highest: 8.0,
+    lowest: -1.0,
 };
 
 /// Of every sample of 25 ms while the car moves, as in the paper: m/s and radians.
@@ -121,8 +128,7 @@ impl MotionModel<3> for Car {
     }
 
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        let moved = pose + tangent;
-        Vector3::new(moved.x, moved.y, wrap_angle(moved.z))
+        moved(pose, tangent)
     }
 }
 
@@ -153,22 +159,31 @@ pub(crate) fn estimate(
     particles: usize,
     seed: u64,
 ) -> Result<Estimate, Box<dyn Error>> {
-    let start = Namer::new(Particle::new(Vector3::zeros()));
+    let start = NamingParticle::<3, 2, 2>::new(LandmarkParticle::new(Vector3::zeros()));
     let scans: Vec<_> = recording
         .scans
         .iter()
-        .map(|scan| Unnamed {
+        .map(|scan| Scan {
             control: scan.odometry.clone(),
             measurements: scan.trunks.clone(),
         })
         .collect();
-    let extended = |weights| Associating {
+    let published = Associating {
         motion: Car,
         sensor: SENSOR,
-        inner: ExtendedProposal {
+        inner: PublishedProposal {
             motion: Car,
             sensor: SENSOR,
-            weights,
+        },
+        rules: RULES,
+    };
+    let extended = Associating {
+        motion: Car,
+        sensor: SENSOR,
+        inner: ExtendedProposal::<_, _, 3, 2> {
+            motion: Car,
+            sensor: SENSOR,
+            linearisation: Linearisation::Sequential,
         },
         rules: RULES,
     };
@@ -182,23 +197,28 @@ pub(crate) fn estimate(
         },
         rules: RULES,
     };
-    let mapping = |landmarks| DoubtingMapping {
-        mapping: Mapping {
+    let by_jacobians = DoubtingMapping {
+        mapping: LandmarkMapping {
             sensor: SENSOR,
-            landmarks,
+            filter: ExtendedLandmarks,
         },
-        rules: RULES,
+        existence: EXISTENCE,
     };
-    let by_jacobians = mapping(Landmarks::Extended);
-    let by_sigma_points = mapping(Landmarks::Unscented);
-    let map = |namer: &Namer| namer.particle.map.clone();
+    let by_sigma_points = DoubtingMapping {
+        mapping: LandmarkMapping {
+            sensor: SENSOR,
+            filter: UnscentedLandmarks,
+        },
+        existence: EXISTENCE,
+    };
+    let map = |naming: &NamingParticle<3, 2, 2>| naming.particle.clone();
     match filter {
         Filter::FastSlam2Published => run(
             start,
             particles,
             seed,
             &scans,
-            &extended(Weights::Published),
+            &published,
             &by_jacobians,
             map,
         ),
@@ -207,7 +227,7 @@ pub(crate) fn estimate(
             particles,
             seed,
             &scans,
-            &extended(Weights::Exact),
+            &extended,
             &by_jacobians,
             map,
         ),

@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 use rbpf_core::{
-    CowMap, FilterConfig, Gaussian, MapUpdate, NoRejuvenation, ParticleFilter, ParticleSet,
+    FilterConfig, LandmarkParticle, MapUpdate, NoRejuvenation, ParticleFilter, ParticleSet,
     PoseAndMap, Proposal, RbpfError, Streams, weighted_moments,
 };
 use std::error::Error;
@@ -27,7 +27,7 @@ pub(crate) fn run<P, O>(
     frames: &[O],
     proposal: &impl Proposal<P, O, Error = RbpfError>,
     mapping: &impl MapUpdate<P, O, Error = RbpfError>,
-    map: impl Fn(&P) -> CowMap<Gaussian<2>>,
+    holder: impl Fn(&P) -> LandmarkParticle<3, 2>,
 ) -> Result<Estimate, Box<dyn Error>>
 where
     P: PoseAndMap<3, 2> + Send + Sync + 'static,
@@ -43,10 +43,11 @@ where
         let moments = weighted_moments(&all, &set.weights(), &[2]).ok_or("no particles")?;
         poses.push(moments.mean);
     }
-    let best = &filter.set().particles()[filter.set().best()];
-    let landmarks = map(best)
+    let best = holder(&filter.set().particles()[filter.set().best()]);
+    let landmarks = best
+        .map
         .iter()
-        .map(|(id, landmark)| (id, landmark.mean))
+        .map(|(id, landmark)| (id, landmark.position.mean))
         .collect();
     Ok(Estimate { poses, landmarks })
 }
