@@ -53,8 +53,8 @@ def nees(folder, images):
         axis.set_ylim(0.5, 1e5)
         axis.set_xlabel("time / s")
         axis.set_title(f"{count} particles")
-    axes[0][0].set_ylabel("NEES, mean of 30 runs (3 degrees of freedom)")
-    axes[0][-1].legend(loc="lower right", fontsize=8)
+    axes[0][0].set_ylabel("NEES, mean of the runs")
+    axes[0][-1].legend(loc="upper left", fontsize=8)
     save(figure, images / "kim2008-nees.svg")
 
 

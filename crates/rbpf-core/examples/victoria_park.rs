@@ -36,10 +36,11 @@ use std::error::Error;
 use std::fmt::Write;
 use victoria_data::{Run, at_fixes};
 
-/// The path at the fixes in their frame, and the fixes.
+/// The path at the fixes and the fixes; the whole path and the map; all in the frame of the fixes.
 struct Compared {
     estimated: Vec<Vector2<f64>>,
     fixes: Vec<Vector2<f64>>,
+    path: Vec<Vector2<f64>>,
     landmarks: Vec<Vector2<f64>>,
 }
 
@@ -51,6 +52,7 @@ fn compare(run: &Run, estimate: &Estimate) -> Compared {
     Compared {
         estimated: moved(&estimated, &motion),
         fixes,
+        path: moved(&path, &motion),
         landmarks: moved(&landmarks, &motion),
     }
 }
@@ -113,7 +115,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             cell(2)
         );
         if keep {
-            rows(&mut csv, name, "pose", &all[0].estimated)?;
+            rows(&mut csv, name, "pose", &all[0].path)?;
             rows(&mut csv, name, "landmark", &all[0].landmarks)?;
         }
         Ok::<_, Box<dyn Error>>(())
