@@ -5,6 +5,8 @@ use crate::factor::{Factor, symmetric};
 use crate::models::{
     FieldOfView, Gaussian, InverseObservation, MotionModel, ObservationJacobians, ObservationModel,
 };
+#[cfg(feature = "es-evolve")]
+use crate::rejuvenation::InverseMotion;
 use crate::sigma::SigmaPoints;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 use std::f64::consts::PI;
@@ -213,6 +215,26 @@ impl MotionModel<3> for Bicycle {
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
         moved(pose, tangent)
     }
+}
+
+#[cfg(feature = "es-evolve")]
+impl InverseMotion<3> for Unicycle {
+    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        between(from, to)
+    }
+}
+
+#[cfg(feature = "es-evolve")]
+impl InverseMotion<3> for Bicycle {
+    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        between(from, to)
+    }
+}
+
+#[cfg(feature = "es-evolve")]
+fn between(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+    let difference = to - from;
+    Vector3::new(difference.x, difference.y, wrap_angle(difference.z))
 }
 
 fn moved(pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
