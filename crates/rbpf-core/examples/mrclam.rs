@@ -9,7 +9,7 @@
 //! data (0.08 to 0.18 m, 0.006 to 0.011 rad), widened for offsets and the few per cent of wrong readings that a
 //! Gaussian does not know; the odometry's are what commanded velocities of such robots deserve (10 % in
 //! speed, 20 % in turning over a second). Nothing is corrected by the true paths; the thresholds of the
-//! association were chosen among six settings by the path error of two seeds.
+//! association were chosen among about ten settings by the path error of two seeds.
 
 #[path = "support/align.rs"]
 mod align;

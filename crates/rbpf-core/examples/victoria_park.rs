@@ -8,7 +8,8 @@
 //!
 //! Where the numbers come from: vehicle and scanner are those of the data's authors, the noise of speed
 //! and steering is that of Kim, Sakthivel and Chung (2008); the sensor's is narrower than theirs (1.5 m,
-//! 2.8 degrees), by the size of a trunk and the steps of the scanner. Nothing is fitted to the fixes.
+//! 2.8 degrees), by the size of a trunk and the steps of the scanner. About eight settings of association and
+//! sensor were tried with the distance to the fixes in view: the errors are those of a tuned filter.
 
 #[path = "support/align.rs"]
 mod align;
