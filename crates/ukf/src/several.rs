@@ -165,7 +165,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         }
         for index in 0..set.count() {
             let weight = set.covariance_weight(index);
-            let tangent = root.lower() * set.offset(index);
+            let tangent = set.tangent(root.lower(), index);
             let deviation = &deviations[index * rows..(index + 1) * rows];
             for row in 0..rows {
                 let weighted = deviation[row] * weight;

@@ -25,7 +25,7 @@
 
 use crate::error::UkfError;
 use crate::math::sqrt;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 /// Unit offsets and weights of a set of sigma points in L dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,6 +150,16 @@ impl<const L: usize> SigmaPoints<L> {
         offset
     }
 
+    /// S u of point `index`: a column of the root for the sets along axes, without the product.
+    pub(crate) fn tangent(&self, root: &SMatrix<f64, L, L>, index: usize) -> SVector<f64, L> {
+        match self.kind {
+            Kind::Axes(_) if index == 0 || index > 2 * L => SVector::zeros(),
+            Kind::Axes(distance) if index <= L => root.column(index - 1) * distance,
+            Kind::Axes(distance) => root.column(index - 1 - L) * -distance,
+            Kind::Simplex => root * self.offset(index),
+        }
+    }
+
     fn axes(spread: f64, extra_covariance_weight: f64) -> Self {
         let mean_weight_of_centre = (spread - L as f64) / spread;
         Self {
@@ -204,7 +214,6 @@ impl<const L: usize> Default for SigmaPoints<L> {
 mod tests {
     extern crate std;
     use super::*;
-    use nalgebra::SMatrix;
 
     fn check_moments<const L: usize>(set: &SigmaPoints<L>, count: usize) {
         assert_eq!(set.count(), count);

@@ -124,7 +124,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
         }
         let root = Cholesky::from_lower(&lower, Step::Innovation)?;
 
-        let tangent = |index: usize| self.root.lower() * self.set.offset(index);
+        let tangent = |index: usize| self.set.tangent(self.root.lower(), index);
         let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
         for index in 1..self.set.count() {
             let weight = self.set.covariance_weight(index);

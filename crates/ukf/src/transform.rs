@@ -58,7 +58,7 @@ where
         let difference = images.difference(index);
         let weighted = difference.transpose() * set.covariance_weight(index);
         image_covariance += difference * weighted;
-        cross_covariance += root.lower() * set.offset(index) * weighted;
+        cross_covariance += set.tangent(root.lower(), index) * weighted;
     }
     Ok(Transformed {
         mean: images.mean,
@@ -88,7 +88,7 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
         let centre = function(mean);
         let mut image = |index: usize| {
             if index < set.count() {
-                function(&mean.retract(&(root * set.offset(index))))
+                function(&mean.retract(&set.tangent(root, index)))
             } else {
                 centre.clone()
             }
