@@ -70,7 +70,7 @@ const fn entry(name: &'static str, filter: Filter, folded: bool) -> Entry {
     }
 }
 
-const ENTRIES: [Entry; 8] = [
+const ENTRIES: [Entry; 10] = [
     entry("FastSLAM 1.0", Filter::FastSlam1, false),
     entry(
         "FastSLAM 2.0, published weights",
@@ -95,6 +95,8 @@ const ENTRIES: [Entry; 8] = [
         Filter::FastSlam2,
         true,
     ),
+    entry("unscented, moved after resampling", Filter::Moved, false),
+    entry("unscented, folded and moved", Filter::Moved, true),
 ];
 /// Positions in [`ENTRIES`].
 const PUBLISHED: usize = 1;

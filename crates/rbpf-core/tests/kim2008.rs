@@ -119,6 +119,7 @@ fn val_kim2008_order_of_the_filters_with_three_particles() {
         Filter::FastSlam2Published,
         Filter::UnscentedLandmarks,
         Filter::UnscentedPoses,
+        Filter::Moved,
     ] {
         let other = aligned(filter, 1, 10);
         assert!(

@@ -3,12 +3,13 @@
 use super::motion::{moved, propagate};
 use super::published::PublishedProposal;
 use super::simulation::{COMMAND_INTERVAL, Scan, Settings, WHEELBASE};
+use es_evolve::MoveParams;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rbpf_core::{
-    ExtendedLandmarks, ExtendedProposal, FilterConfig, Frame, Gaussian, LandmarkMapping,
-    LandmarkParticle, Linearisation, MapUpdate, MotionModel, MotionProposal, NoRejuvenation,
-    ParticleFilter, ParticleSet, PoseAndMap, Proposal, RangeBearing, RbpfError, Streams,
-    UnscentedLandmarks, UnscentedProposal, wrap_angle,
+    ExtendedLandmarks, ExtendedProposal, FilterConfig, Frame, Gaussian, InverseMotion,
+    LandmarkMapping, LandmarkParticle, Linearisation, MapUpdate, MotionModel, MotionProposal,
+    MovePoses, NoRejuvenation, ParticleFilter, ParticleSet, PoseAndMap, Proposal, RangeBearing,
+    RbpfError, Rejuvenation, Streams, UnscentedLandmarks, UnscentedProposal, wrap_angle,
 };
 use std::error::Error;
 
@@ -29,6 +30,8 @@ pub(crate) enum Filter {
     UnscentedPoses,
     /// Unscented proposal and landmarks, exact weights.
     Unscented,
+    /// The same; after a resampling the poses make four Metropolis-Hastings moves.
+    Moved,
 }
 
 type Commands = Vec<[f64; 2]>;
@@ -72,6 +75,12 @@ impl MotionModel<3> for Car {
 
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
         moved(pose, tangent)
+    }
+}
+
+impl InverseMotion<3> for Car {
+    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        moved(to, &-from)
     }
 }
 
@@ -119,45 +128,63 @@ pub(crate) fn run_filter(
         sensor,
         filter: UnscentedLandmarks,
     };
+    let moves = MovePoses::<_, _, 3, 2> {
+        motion,
+        sensor,
+        params: MoveParams {
+            steps: 4,
+            ..MoveParams::default()
+        },
+    };
+    let drive = Drive {
+        particles,
+        scans,
+        seed,
+    };
     match filter {
-        Filter::FastSlam1 => drive(particles, scans, seed, &prior, &by_jacobians, each),
-        Filter::FastSlam2Published => {
-            drive(particles, scans, seed, &published, &by_jacobians, each)
-        }
-        Filter::FastSlam2 => drive(particles, scans, seed, &extended, &by_jacobians, each),
-        Filter::UnscentedLandmarks => {
-            drive(particles, scans, seed, &extended, &by_sigma_points, each)
-        }
-        Filter::UnscentedPoses => drive(particles, scans, seed, &unscented, &by_jacobians, each),
-        Filter::Unscented => drive(particles, scans, seed, &unscented, &by_sigma_points, each),
+        Filter::FastSlam1 => drive.run(&prior, &NoRejuvenation, &by_jacobians, each),
+        Filter::FastSlam2Published => drive.run(&published, &NoRejuvenation, &by_jacobians, each),
+        Filter::FastSlam2 => drive.run(&extended, &NoRejuvenation, &by_jacobians, each),
+        Filter::UnscentedLandmarks => drive.run(&extended, &NoRejuvenation, &by_sigma_points, each),
+        Filter::UnscentedPoses => drive.run(&unscented, &NoRejuvenation, &by_jacobians, each),
+        Filter::Unscented => drive.run(&unscented, &NoRejuvenation, &by_sigma_points, each),
+        Filter::Moved => drive.run(&unscented, &moves, &by_sigma_points, each),
     }
 }
 
-fn drive(
+/// N particles over the scans.
+struct Drive<'a> {
     particles: usize,
-    scans: &[Scan],
+    scans: &'a [Scan],
     seed: u64,
-    proposal: &impl Proposal<Particle, Frame<Commands, 2>, Error = RbpfError>,
-    mapping: &impl MapUpdate<Particle, Frame<Commands, 2>, Error = RbpfError>,
-    mut each: impl FnMut(&[Vector3<f64>], &[f64], &Scan),
-) -> Result<(), Box<dyn Error>> {
-    // data and filter draw from different families
-    let streams = Streams::new(seed + 1_000_000);
-    let set = ParticleSet::new(vec![Particle::new(Vector3::zeros()); particles])?;
-    let mut filter = ParticleFilter::new(set, streams, FilterConfig::default())?;
-    for (number, scan) in (0..).zip(scans) {
-        let frame = Frame {
-            control: scan.commands.clone(),
-            measurements: scan.measurements.clone(),
-        };
-        filter.step(number, &frame, proposal, &NoRejuvenation, mapping)?;
-        let poses: Vec<_> = filter
-            .set()
-            .particles()
-            .iter()
-            .map(PoseAndMap::pose)
-            .collect();
-        each(&poses, &filter.set().weights(), scan);
+}
+
+impl Drive<'_> {
+    fn run<R: Rejuvenation<Particle, Frame<Commands, 2>>>(
+        &self,
+        proposal: &impl Proposal<Particle, Frame<Commands, 2>, Error = RbpfError>,
+        rejuvenation: &R,
+        mapping: &impl MapUpdate<Particle, Frame<Commands, 2>, Error = RbpfError>,
+        mut each: impl FnMut(&[Vector3<f64>], &[f64], &Scan),
+    ) -> Result<(), Box<dyn Error>> {
+        // data and filter draw from different families
+        let streams = Streams::new(self.seed + 1_000_000);
+        let set = ParticleSet::new(vec![Particle::new(Vector3::zeros()); self.particles])?;
+        let mut filter = ParticleFilter::new(set, streams, FilterConfig::default())?;
+        for (number, scan) in (0..).zip(self.scans) {
+            let frame = Frame {
+                control: scan.commands.clone(),
+                measurements: scan.measurements.clone(),
+            };
+            filter.step(number, &frame, proposal, rejuvenation, mapping)?;
+            let poses: Vec<_> = filter
+                .set()
+                .particles()
+                .iter()
+                .map(PoseAndMap::pose)
+                .collect();
+            each(&poses, &filter.set().weights(), scan);
+        }
+        Ok(())
     }
-    Ok(())
 }
