@@ -1,12 +1,13 @@
 //! A planar robot (x, y in metres, heading in radians) that measures range and bearing of points.
 
 use crate::circular::wrap_angle;
-use crate::factor::{Factor, symmetric};
+use crate::factor::symmetric;
 use crate::models::{
     FieldOfView, Gaussian, InverseObservation, MotionModel, ObservationJacobians, ObservationModel,
 };
-use crate::sigma::SigmaPoints;
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector2, Vector3};
+#[cfg(feature = "ukf")]
+use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
 /// Measures (range in metres, bearing in radians from the heading, left positive). No measurement of a point
@@ -123,6 +124,7 @@ pub enum Propagation {
     #[default]
     Jacobians,
     /// By 11 sigma points of pose and control noise.
+    #[cfg(feature = "ukf")]
     SigmaPoints,
 }
 
@@ -238,24 +240,24 @@ fn propagate<R: Fn(f64, f64) -> TurnRate>(
         };
         let nominal = drive(&mean, command.speed, command.turn);
         let sampled = match propagation {
-            Propagation::Jacobians => None,
+            Propagation::Jacobians => None::<(Vector3<f64>, Matrix3<f64>)>,
+            #[cfg(feature = "ukf")]
             Propagation::SigmaPoints => {
                 let mut joint = SMatrix::<f64, 5, 5>::zeros();
                 joint.fixed_view_mut::<3, 3>(0, 0).copy_from(&covariance);
                 joint.fixed_view_mut::<2, 2>(3, 3).copy_from(&noise);
+                let points = ukf::SigmaPoints::default();
                 // NaN comes out by the Jacobians below, and is refused where the pose is drawn
-                Factor::semidefinite(&joint, "motion")
-                    .ok()
-                    .and_then(|root| {
-                        SigmaPoints::new(&SVector::zeros(), &root).image(&Vector3::zeros(), |x| {
-                            let from = mean + x.fixed_rows::<3>(0);
-                            Some(drive(&from, command.speed + x[3], command.turn + x[4]) - nominal)
-                        })
-                    })
+                ukf::unscented_transform(&SVector::zeros(), &joint, &points, |x| {
+                    let from = mean + x.fixed_rows::<3>(0);
+                    drive(&from, command.speed + x[3], command.turn + x[4]) - nominal
+                })
+                .ok()
+                .map(|image| (image.mean, image.covariance))
             }
         };
-        if let Some(image) = sampled {
-            (mean, covariance) = (nominal + image.mean, image.covariance);
+        if let Some((shift, spread)) = sampled {
+            (mean, covariance) = (nominal + shift, spread);
         } else {
             let (rate, by_speed, by_turn) = turn_rate(command.speed, command.turn);
             let (f, g) = arc_jacobians(mean.z, command.speed, rate, command.seconds);
@@ -377,7 +379,11 @@ mod tests {
         };
         let seconds = PI / 2.0;
         let start = Vector3::new(0.0, 0.0, PI);
-        for propagation in [Propagation::Jacobians, Propagation::SigmaPoints] {
+        for propagation in [
+            Propagation::Jacobians,
+            #[cfg(feature = "ukf")]
+            Propagation::SigmaPoints,
+        ] {
             let floor = [1e-6; 3];
             let unicycle = Unicycle {
                 speed: still,
@@ -414,6 +420,7 @@ mod tests {
 
     /// For small noise both propagations agree: sigma points differ by terms of second order in the
     /// angles, (0.1)^2 here, Jacobians being off by as much.
+    #[cfg(feature = "ukf")]
     #[test]
     fn sigma_points_and_jacobians_agree_to_first_order() {
         let noise = |fixed| Deviation { fixed, share: 0.01 };
