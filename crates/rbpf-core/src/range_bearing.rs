@@ -344,6 +344,39 @@ mod tests {
             assert!((g.column(1) - by_rate).amax() < 1e-9);
             assert!((f.column(2) - by_heading - Vector3::z()).amax() < 1e-9);
         }
+        // straight, beside the border of the series, whole turns, backwards, no time, standing
+        let border = 2e-3_f64;
+        let rates = [
+            0.0,
+            1e-300,
+            border.next_down(),
+            border,
+            -border,
+            2.0 * PI,
+            -4.0 * PI,
+            1e2,
+        ];
+        for (heading, speed, seconds) in [
+            (PI, 1.5, 1.0),
+            (-PI, -2.0, 1.0),
+            (3.0, 5.0, 0.0),
+            (-1.0, 0.0, 1.0),
+            (PI / 2.0, 1e-9, 1.0),
+        ] {
+            for rate in rates {
+                let (f, g) = arc_jacobians(heading, speed, rate, seconds);
+                let of = |steps: [f64; 3]| {
+                    let [a, b] = [-1.0, 1.0].map(|sign| {
+                        let at = steps.map(|step| sign * step);
+                        arc(heading + at[0], speed + at[1], rate + at[2], seconds)
+                    });
+                    (b - a) / (2.0 * e)
+                };
+                assert!((f.column(2) - of([e, 0.0, 0.0]) - Vector3::z()).amax() < 1e-9);
+                assert!((g.column(0) - of([0.0, e, 0.0])).amax() < 1e-9);
+                assert!((g.column(1) - of([0.0, 0.0, e])).amax() < 1e-9, "{rate}");
+            }
+        }
         let sensor = RangeBearing::new(0.1, 0.02);
         let (pose, landmark) = (Vector3::new(1.0, -2.0, 3.0), Vector2::new(-1.0, -1.5));
         let (h, g) = sensor.jacobians(&pose, &landmark).unwrap();

@@ -54,3 +54,47 @@ impl<const L: usize> Spread<L> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector1, Vector2};
+
+    /// x y has mean 2 * 3 + 0.5, and covariance P (3, 2) with (x, y): the slopes at the centre, without third moments.
+    #[test]
+    fn the_covariance_is_with_the_whitened_argument() {
+        let gaussian = Gaussian {
+            mean: Vector2::new(2.0, 3.0),
+            covariance: Matrix2::new(2.0, 0.5, 0.5, 1.0),
+        };
+        let spread = Spread::of(&gaussian, "p").unwrap();
+        let product = |x: &Vector2<f64>| Some(Vector1::new(x.x * x.y));
+        let image = spread.through(product).unwrap().unwrap();
+        // a dozen operations on numbers of order ten
+        assert!((image.mean[0] - 6.5).abs() < 1e-13);
+        let cross = spread.root.lower() * image.cross_covariance;
+        assert!((cross - gaussian.covariance * Vector2::new(3.0, 2.0)).amax() < 1e-13);
+        assert!((cross - image.cross_covariance).amax() > 0.1);
+    }
+
+    #[test]
+    fn no_value_is_none_and_nan_is_an_error() {
+        let unit = Gaussian {
+            mean: Vector1::new(0.0),
+            covariance: nalgebra::Matrix1::new(1.0),
+        };
+        let spread = Spread::of(&unit, "p").unwrap();
+        assert_eq!(spread.through(|x| (x[0] < 1.0).then_some(*x)), Ok(None));
+        let root = |x: &Vector1<f64>| Some(x.map(f64::sqrt));
+        assert!(matches!(
+            spread.through(root),
+            Err(RbpfError::NotFinite { .. })
+        ));
+        assert!(
+            spread
+                .through(|x| (x[0] < 2.0).then_some(*x))
+                .unwrap()
+                .is_some()
+        );
+    }
+}
