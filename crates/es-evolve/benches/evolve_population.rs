@@ -1,21 +1,13 @@
-//! Time of one frame's evolution of 100 genomes in three dimensions, with a fitness of one and of a hundred terms.
+//! Time of one frame's evolution of 100 genomes in three dimensions, with a fitness of one and of a hundred terms (500
+//! evaluations of the mover), and of a generation of the optimiser on the sphere.
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use es_evolve::{MoveParams, PaperParams, Space, StepFactors, evolve_paper, resample_move};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use es_evolve::{
+    Euclidean, MoveParams, OptimiseParams, PaperParams, StepAdaptation, StepFactors, evolve_paper,
+    optimise, resample_move,
+};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-
-struct Flat;
-
-impl Space<3> for Flat {
-    type Genome = [f64; 3];
-    fn retract(&self, at: &[f64; 3], step: &[f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|i| at[i] + step[i])
-    }
-    fn local(&self, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|i| to[i] - from[i])
-    }
-}
 
 const FACTOR: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.2, 1.0, 0.0], [0.0, 0.1, 1.0]];
 
@@ -34,12 +26,21 @@ fn evolve_population(criterion: &mut Criterion) {
                 .map(|k| -0.5 * (x[0] - f64::from(k) * x[1].cos() + x[2]).powi(2))
                 .sum()
         };
+        // The first look and four steps.
+        group.throughput(Throughput::Elements(500));
         group.bench_function(BenchmarkId::new("resample_move", terms), |bencher| {
             bencher.iter(|| {
                 let mut population = start.clone();
                 let factors = StepFactors::Common(&FACTOR);
                 let params = MoveParams::default();
-                resample_move(&Flat, &mut population, &fitness, factors, &params, &stream)
+                resample_move(
+                    &Euclidean,
+                    &mut population,
+                    &fitness,
+                    factors,
+                    &params,
+                    &stream,
+                )
             });
         });
         group.bench_function(BenchmarkId::new("paper", terms), |bencher| {
@@ -47,12 +48,41 @@ fn evolve_population(criterion: &mut Criterion) {
                 let mut population = start.clone();
                 let factors = StepFactors::Common(&FACTOR);
                 let params = PaperParams::default();
-                evolve_paper(&Flat, &mut population, &fitness, factors, &params, &stream)
+                evolve_paper(
+                    &Euclidean,
+                    &mut population,
+                    &fitness,
+                    factors,
+                    &params,
+                    &stream,
+                )
             });
         });
     }
     group.finish();
 }
 
-criterion_group!(benches, evolve_population);
+/// Ten generations of 4 D offspring.
+fn sphere<const D: usize>(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group(format!("optimise_sphere_{D}"));
+    let fitness = |_: usize, x: &[f64; D]| -x.iter().map(|v| v * v).sum::<f64>();
+    for adaptation in [
+        StepAdaptation::Isotropic,
+        StepAdaptation::PerCoordinate,
+        StepAdaptation::Covariance,
+    ] {
+        let params = OptimiseParams {
+            adaptation,
+            max_evaluations: 40 * D,
+            ..OptimiseParams::for_dimension(D)
+        };
+        group.throughput(Throughput::Elements(params.max_evaluations as u64));
+        group.bench_function(format!("{adaptation:?}"), |bencher| {
+            bencher.iter(|| optimise(&Euclidean, &[1.0; D], &[0.3; D], &fitness, &params, &stream));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, evolve_population, sphere::<10>, sphere::<100>);
 criterion_main!(benches);

@@ -55,4 +55,61 @@ pub enum EvolveError {
         /// The value given.
         value: f64,
     },
+    /// The budget does not allow one look at every genome.
+    #[error("at least {required} evaluations are required, {max_evaluations} allowed")]
+    Budget {
+        /// The budget.
+        max_evaluations: usize,
+        /// Evaluations needed before anything can be decided.
+        required: usize,
+    },
+    /// Selection needs at least one parent and fewer parents than offspring.
+    #[error(
+        "at least 1 parent and fewer than the {offspring} offspring are required, given {parents}"
+    )]
+    Parents {
+        /// Parents, mu.
+        parents: usize,
+        /// Offspring, lambda.
+        offspring: usize,
+    },
+    /// A step size is zero, negative, NaN or infinite.
+    #[error(
+        "step size of coordinate {coordinate} must be finite and greater than 0, given {given}"
+    )]
+    StepSize {
+        /// The coordinate.
+        coordinate: usize,
+        /// The value given.
+        given: f64,
+    },
+    /// The log-fitness asked for is NaN.
+    #[error("target log-fitness must not be NaN")]
+    Target,
+    /// All offspring of a generation are impossible: there is nothing to select.
+    #[error(
+        "log-fitness of all {offspring} offspring of generation {generation} is minus infinity"
+    )]
+    Impossible {
+        /// The generation, from 0.
+        generation: usize,
+        /// Its offspring.
+        offspring: usize,
+    },
+}
+
+pub(crate) fn check_probability(name: &'static str, given: f64) -> Result<(), EvolveError> {
+    if (0.0..=1.0).contains(&given) {
+        Ok(())
+    } else {
+        Err(EvolveError::Probability { name, given })
+    }
+}
+
+pub(crate) fn check_scale(name: &'static str, given: f64) -> Result<(), EvolveError> {
+    if given.is_finite() && given >= 0.0 {
+        Ok(())
+    } else {
+        Err(EvolveError::Scale { name, given })
+    }
 }

@@ -21,7 +21,8 @@
 
 use rand::{Rng, RngExt};
 
-use crate::slots::{Child, evaluate, evaluate_all, map_ordered, metropolis, settle};
+use crate::error::check_probability;
+use crate::slots::{Child, evaluate, evolve_copy, map_ordered, metropolis, settle};
 use crate::step::standard_normal;
 use crate::{
     AdaptiveRates, EvolutionReport, EvolveError, LogFitness, Space, StepFactors, StopReason,
@@ -59,17 +60,10 @@ impl Default for PaperParams {
 
 impl PaperParams {
     fn check(&self) -> Result<(), EvolveError> {
-        for (name, given) in [
-            ("p_c1", self.p_c1),
-            ("p_c2", self.p_c2),
-            ("p_m1", self.p_m1),
-            ("p_m2", self.p_m2),
-        ] {
-            if !(0.0..=1.0).contains(&given) {
-                return Err(EvolveError::Probability { name, given });
-            }
-        }
-        Ok(())
+        check_probability("p_c1", self.p_c1)?;
+        check_probability("p_c2", self.p_c2)?;
+        check_probability("p_m1", self.p_m1)?;
+        check_probability("p_m2", self.p_m2)
     }
 }
 
@@ -81,8 +75,8 @@ impl PaperParams {
 /// threads. At most N + 2 N `steps` evaluations.
 ///
 /// # Errors
-/// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, or [`EvolveError::LogFitness`]; the population is
-/// then as the last whole phase left it.
+/// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, a budget below N, or [`EvolveError::LogFitness`];
+/// the population is then what it was.
 pub fn evolve_paper<const D: usize, S: Space<D>, R: Rng>(
     space: &S,
     population: &mut [S::Genome],
@@ -92,89 +86,84 @@ pub fn evolve_paper<const D: usize, S: Space<D>, R: Rng>(
     streams: &(impl Fn(usize, usize) -> R + Sync),
 ) -> Result<EvolutionReport, EvolveError> {
     params.check()?;
-    factors.check(population.len())?;
-    if population.is_empty() {
-        return Err(EvolveError::EmptyPopulation);
-    }
-    let size = population.len();
-    let mut report = EvolutionReport::new();
-    if !report.affords(size, params.max_evaluations) {
-        return Ok(report);
-    }
-    report.log_fitness = evaluate_all(population, fitness)?;
-    report.evaluations = size;
+    let budget = params.max_evaluations;
+    evolve_copy(
+        population,
+        fitness,
+        factors,
+        budget,
+        |population, report| {
+            let size = population.len();
+            for step in 0..params.steps {
+                let pairs = random_pairs(size, &mut streams(2 * step, size));
+                if !report.affords(2 * pairs.len(), params.max_evaluations) {
+                    return Ok(());
+                }
+                let rates = AdaptiveRates::new(params, &report.log_fitness);
+                let values = &report.log_fitness;
+                let parents = &*population;
+                let litters = map_ordered(&pairs, |&(first, second)| {
+                    let mut rng = streams(2 * step, first);
+                    if rng.random::<f64>() >= rates.crossover(values[first], values[second]) {
+                        return Ok(None);
+                    }
+                    let kappa: f64 = rng.random();
+                    let normal = standard_normal(&mut rng);
+                    let best_parent = values[first].max(values[second]);
+                    let mut child = |slot: usize, mate: usize| {
+                        let toward_mate = space.local(&parents[slot], &parents[mate]);
+                        let tau = factors.apply(slot, 1.0, &normal);
+                        let blend =
+                            std::array::from_fn(|i| (1.0 - kappa) * toward_mate[i] + tau[i]);
+                        let genome = space.retract(&parents[slot], &blend);
+                        let log_fitness = evaluate(fitness, slot, &genome)?;
+                        Ok(Child {
+                            slot,
+                            genome,
+                            log_fitness,
+                            accepted: metropolis(log_fitness, best_parent, rng.random()),
+                            from_crossover: true,
+                        })
+                    };
+                    Ok(Some([child(first, second)?, child(second, first)?]))
+                });
+                let litters = litters
+                    .into_iter()
+                    .collect::<Result<Vec<_>, EvolveError>>()?;
+                settle(litters.into_iter().flatten().flatten(), population, report);
 
-    for step in 0..params.steps {
-        let pairs = random_pairs(size, &mut streams(2 * step, size));
-        if !report.affords(2 * pairs.len(), params.max_evaluations) {
-            return Ok(report);
-        }
-        let rates = AdaptiveRates::new(params, &report.log_fitness);
-        let values = &report.log_fitness;
-        let parents = &*population;
-        let litters = map_ordered(&pairs, |&(first, second)| {
-            let mut rng = streams(2 * step, first);
-            if rng.random::<f64>() >= rates.crossover(values[first], values[second]) {
-                return Ok(None);
+                if !report.affords(size, params.max_evaluations) {
+                    return Ok(());
+                }
+                let rates = AdaptiveRates::new(params, &report.log_fitness);
+                let values = &report.log_fitness;
+                let parents = &*population;
+                let slots: Vec<usize> = (0..size).collect();
+                let children = map_ordered(&slots, |&slot| {
+                    let mut rng = streams(2 * step + 1, slot);
+                    if rng.random::<f64>() >= rates.mutation(values[slot]) {
+                        return Ok(None);
+                    }
+                    let sigma = factors.apply(slot, 1.0, &standard_normal(&mut rng));
+                    let genome = space.retract(&parents[slot], &sigma);
+                    let log_fitness = evaluate(fitness, slot, &genome)?;
+                    Ok(Some(Child {
+                        slot,
+                        genome,
+                        log_fitness,
+                        accepted: metropolis(log_fitness, values[slot], rng.random()),
+                        from_crossover: false,
+                    }))
+                });
+                let children = children
+                    .into_iter()
+                    .collect::<Result<Vec<_>, EvolveError>>()?;
+                settle(children.into_iter().flatten(), population, report);
+                report.stop = StopReason::Steps { steps: step + 1 };
             }
-            let kappa: f64 = rng.random();
-            let normal = standard_normal(&mut rng);
-            let best_parent = values[first].max(values[second]);
-            let mut child = |slot: usize, mate: usize| {
-                let toward_mate = space.local(&parents[slot], &parents[mate]);
-                let tau = factors.apply(slot, 1.0, &normal);
-                let blend = std::array::from_fn(|i| (1.0 - kappa) * toward_mate[i] + tau[i]);
-                let genome = space.retract(&parents[slot], &blend);
-                let log_fitness = evaluate(fitness, slot, &genome)?;
-                Ok(Child {
-                    slot,
-                    genome,
-                    log_fitness,
-                    accepted: metropolis(log_fitness, best_parent, rng.random()),
-                    from_crossover: true,
-                })
-            };
-            Ok(Some([child(first, second)?, child(second, first)?]))
-        });
-        let litters = litters
-            .into_iter()
-            .collect::<Result<Vec<_>, EvolveError>>()?;
-        settle(
-            litters.into_iter().flatten().flatten(),
-            population,
-            &mut report,
-        );
-
-        if !report.affords(size, params.max_evaluations) {
-            return Ok(report);
-        }
-        let rates = AdaptiveRates::new(params, &report.log_fitness);
-        let values = &report.log_fitness;
-        let parents = &*population;
-        let slots: Vec<usize> = (0..size).collect();
-        let children = map_ordered(&slots, |&slot| {
-            let mut rng = streams(2 * step + 1, slot);
-            if rng.random::<f64>() >= rates.mutation(values[slot]) {
-                return Ok(None);
-            }
-            let sigma = factors.apply(slot, 1.0, &standard_normal(&mut rng));
-            let genome = space.retract(&parents[slot], &sigma);
-            let log_fitness = evaluate(fitness, slot, &genome)?;
-            Ok(Some(Child {
-                slot,
-                genome,
-                log_fitness,
-                accepted: metropolis(log_fitness, values[slot], rng.random()),
-                from_crossover: false,
-            }))
-        });
-        let children = children
-            .into_iter()
-            .collect::<Result<Vec<_>, EvolveError>>()?;
-        settle(children.into_iter().flatten(), population, &mut report);
-        report.stop = StopReason::Steps { steps: step + 1 };
-    }
-    Ok(report)
+            Ok(())
+        },
+    )
 }
 
 /// Disjoint pairs of slots, every pairing equally likely (Fisher-Yates).

@@ -13,7 +13,7 @@ pub struct EvolutionReport {
     pub accepted_mutations: usize,
     /// Calls of the fitness, the first look at every slot included.
     pub evaluations: usize,
-    /// Log-fitness of each slot's final genome; empty when the budget did not allow the first look.
+    /// Log-fitness of each slot's final genome.
     pub log_fitness: Vec<f64>,
     /// Why the run ended.
     pub stop: StopReason,
@@ -40,14 +40,15 @@ pub enum StopReason {
 }
 
 impl EvolutionReport {
-    pub(crate) fn new() -> Self {
+    /// After the first look at every slot.
+    pub(crate) const fn new(log_fitness: Vec<f64>) -> Self {
         Self {
             proposed_crossovers: 0,
             accepted_crossovers: 0,
             proposed_mutations: 0,
             accepted_mutations: 0,
-            evaluations: 0,
-            log_fitness: Vec::new(),
+            evaluations: log_fitness.len(),
+            log_fitness,
             stop: StopReason::Steps { steps: 0 },
         }
     }

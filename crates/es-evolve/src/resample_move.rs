@@ -22,7 +22,8 @@
 
 use rand::{Rng, RngExt};
 
-use crate::slots::{Child, evaluate, evaluate_all, map_ordered, metropolis, settle};
+use crate::error::{check_probability, check_scale};
+use crate::slots::{Child, evaluate, evolve_copy, map_ordered, metropolis, settle};
 use crate::step::standard_normal;
 use crate::{EvolutionReport, EvolveError, LogFitness, Space, StepFactors, StopReason};
 
@@ -62,22 +63,10 @@ impl Default for MoveParams {
 
 impl MoveParams {
     fn check(&self) -> Result<(), EvolveError> {
-        if !(0.0..=1.0).contains(&self.crossover_share) {
-            return Err(EvolveError::Probability {
-                name: "crossover_share",
-                given: self.crossover_share,
-            });
-        }
-        for (name, given) in [
-            ("mutation_scale", self.mutation_scale),
-            ("differential_scale", self.differential_scale),
-            ("jitter_scale", self.jitter_scale),
-        ] {
-            if !(given.is_finite() && given >= 0.0) {
-                return Err(EvolveError::Scale { name, given });
-            }
-        }
-        Ok(())
+        check_probability("crossover_share", self.crossover_share)?;
+        check_scale("mutation_scale", self.mutation_scale)?;
+        check_scale("differential_scale", self.differential_scale)?;
+        check_scale("jitter_scale", self.jitter_scale)
     }
 }
 
@@ -89,8 +78,8 @@ impl MoveParams {
 /// Exactly N (1 + `steps`) evaluations unless the budget ends the run.
 ///
 /// # Errors
-/// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, or [`EvolveError::LogFitness`]; the population is
-/// then as the last whole half-step left it.
+/// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, a budget below N, or [`EvolveError::LogFitness`];
+/// the population is then what it was.
 pub fn resample_move<const D: usize, S: Space<D>, R: Rng>(
     space: &S,
     population: &mut [S::Genome],
@@ -100,50 +89,48 @@ pub fn resample_move<const D: usize, S: Space<D>, R: Rng>(
     streams: &(impl Fn(usize, usize) -> R + Sync),
 ) -> Result<EvolutionReport, EvolveError> {
     params.check()?;
-    factors.check(population.len())?;
-    if population.is_empty() {
-        return Err(EvolveError::EmptyPopulation);
-    }
-    let size = population.len();
-    let mut report = EvolutionReport::new();
-    if !report.affords(size, params.max_evaluations) {
-        return Ok(report);
-    }
-    report.log_fitness = evaluate_all(population, fitness)?;
-    report.evaluations = size;
-
-    // Even and odd rather than front and back: resampling leaves copies side by side.
-    let even: Vec<usize> = (0..size).step_by(2).collect();
-    let odd: Vec<usize> = (1..size).step_by(2).collect();
-    for step in 0..params.steps {
-        for (moving, resting) in [(&even, &odd), (&odd, &even)] {
-            if !report.affords(moving.len(), params.max_evaluations) {
-                return Ok(report);
+    let budget = params.max_evaluations;
+    evolve_copy(
+        population,
+        fitness,
+        factors,
+        budget,
+        |population, report| {
+            let size = population.len();
+            // Even and odd rather than front and back: resampling leaves copies side by side.
+            let even: Vec<usize> = (0..size).step_by(2).collect();
+            let odd: Vec<usize> = (1..size).step_by(2).collect();
+            for step in 0..params.steps {
+                for (moving, resting) in [(&even, &odd), (&odd, &even)] {
+                    if !report.affords(moving.len(), params.max_evaluations) {
+                        return Ok(());
+                    }
+                    let values = &report.log_fitness;
+                    let parents = &*population;
+                    let children = map_ordered(moving, |&slot| {
+                        let mut rng = streams(step, slot);
+                        let (change, from_crossover) =
+                            propose(space, parents, resting, factors, slot, params, &mut rng);
+                        let genome = space.retract(&parents[slot], &change);
+                        let log_fitness = evaluate(fitness, slot, &genome)?;
+                        Ok(Child {
+                            slot,
+                            genome,
+                            log_fitness,
+                            accepted: metropolis(log_fitness, values[slot], rng.random()),
+                            from_crossover,
+                        })
+                    });
+                    let children = children
+                        .into_iter()
+                        .collect::<Result<Vec<_>, EvolveError>>()?;
+                    settle(children, population, report);
+                }
+                report.stop = StopReason::Steps { steps: step + 1 };
             }
-            let values = &report.log_fitness;
-            let parents = &*population;
-            let children = map_ordered(moving, |&slot| {
-                let mut rng = streams(step, slot);
-                let (change, from_crossover) =
-                    propose(space, parents, resting, factors, slot, params, &mut rng);
-                let genome = space.retract(&parents[slot], &change);
-                let log_fitness = evaluate(fitness, slot, &genome)?;
-                Ok(Child {
-                    slot,
-                    genome,
-                    log_fitness,
-                    accepted: metropolis(log_fitness, values[slot], rng.random()),
-                    from_crossover,
-                })
-            });
-            let children = children
-                .into_iter()
-                .collect::<Result<Vec<_>, EvolveError>>()?;
-            settle(children, population, &mut report);
-        }
-        report.stop = StopReason::Steps { steps: step + 1 };
-    }
-    Ok(report)
+            Ok(())
+        },
+    )
 }
 
 /// The step a slot tries, symmetric about zero and blind to the moving half, and whether it is a crossover.

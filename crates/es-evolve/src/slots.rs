@@ -1,6 +1,7 @@
-//! Ordered maps over slots, on several threads with the `parallel` feature, and checked fitness values.
+//! What both movers share: ordered maps over slots (on several threads with the `parallel` feature), checked fitness
+//! values, the Metropolis rule, and a copy that is thrown away after an error.
 
-use crate::{EvolveError, LogFitness};
+use crate::{EvolutionReport, EvolveError, LogFitness, StepFactors};
 
 /// `f` of every item, in the order of the items.
 #[cfg(feature = "parallel")]
@@ -13,6 +14,33 @@ pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + S
 #[cfg(not(feature = "parallel"))]
 pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
     items.iter().map(f).collect()
+}
+
+/// Runs `phases` on a copy of the population, after the checks and the first look at every slot; the population takes the
+/// outcome only when nothing failed.
+pub(crate) fn evolve_copy<const D: usize, G: Clone + Sync>(
+    population: &mut [G],
+    fitness: &impl LogFitness<G>,
+    factors: StepFactors<'_, D>,
+    max_evaluations: usize,
+    phases: impl FnOnce(&mut [G], &mut EvolutionReport) -> Result<(), EvolveError>,
+) -> Result<EvolutionReport, EvolveError> {
+    let size = population.len();
+    factors.check(size)?;
+    if size == 0 {
+        return Err(EvolveError::EmptyPopulation);
+    }
+    if max_evaluations < size {
+        return Err(EvolveError::Budget {
+            max_evaluations,
+            required: size,
+        });
+    }
+    let mut report = EvolutionReport::new(evaluate_all(population, fitness)?);
+    let mut evolved = population.to_vec();
+    phases(&mut evolved, &mut report)?;
+    population.swap_with_slice(&mut evolved);
+    Ok(report)
 }
 
 /// Log-fitness of every slot; the error of the lowest slot when several are wrong.
@@ -53,7 +81,7 @@ pub(crate) struct Child<G> {
 pub(crate) fn settle<G>(
     children: impl IntoIterator<Item = Child<G>>,
     population: &mut [G],
-    report: &mut crate::EvolutionReport,
+    report: &mut EvolutionReport,
 ) {
     for child in children {
         report.evaluations += 1;

@@ -24,6 +24,22 @@ pub trait Space<const D: usize>: Sync {
     fn local(&self, from: &Self::Genome, to: &Self::Genome) -> [f64; D];
 }
 
+/// Vectors of `D` numbers under plain addition.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Euclidean;
+
+impl<const D: usize> Space<D> for Euclidean {
+    type Genome = [f64; D];
+
+    fn retract(&self, at: &[f64; D], step: &[f64; D]) -> [f64; D] {
+        std::array::from_fn(|i| at[i] + step[i])
+    }
+
+    fn local(&self, from: &[f64; D], to: &[f64; D]) -> [f64; D] {
+        std::array::from_fn(|i| to[i] - from[i])
+    }
+}
+
 /// Natural logarithm of a fitness that may depend on the slot.
 ///
 /// Minus infinity means impossible. NaN and plus infinity are errors. Evaluations of one phase run in parallel

@@ -269,8 +269,8 @@ fn budgets_end_a_run_between_phases() {
         )
         .unwrap()
     };
-    let report = run(9);
-    assert_eq!((report.evaluations, report.log_fitness.len()), (0, 0));
+    let report = run(10);
+    assert_eq!((report.evaluations, report.log_fitness.len()), (10, 10));
     assert_eq!(report.acceptance(), None);
     let report = run(29);
     let expected = StopReason::Budget {
@@ -314,6 +314,24 @@ fn wrong_input_is_named() {
         moved.unwrap_err().to_string(),
         "jitter_scale must be finite and at least 0, given -1"
     );
+    for max_evaluations in [0, 1] {
+        let poor = MoveParams {
+            max_evaluations,
+            ..MoveParams::default()
+        };
+        let moved = resample_move(
+            &Line,
+            &mut [0.0; 2],
+            &likelihood,
+            factors,
+            &poor,
+            &stream(9),
+        );
+        assert_eq!(
+            moved.unwrap_err().to_string(),
+            format!("at least 2 evaluations are required, {max_evaluations} allowed")
+        );
+    }
     // A fitness that turns NaN only where a child lands.
     let cliff = |_: usize, x: &f64| if *x == 0.0 { 0.0 } else { f64::NAN };
     let params = MoveParams::default();
@@ -329,4 +347,27 @@ fn wrong_input_is_named() {
         moved,
         Err(EvolveError::LogFitness { slot: 0, .. })
     ));
+}
+
+/// A fitness that turns NaN late: whatever was moved before is undone.
+#[test]
+fn after_an_error_the_population_is_what_it_was() {
+    let start: Vec<f64> = (0..20).map(|i| 0.01 * f64::from(i)).collect();
+    let cliff = |_: usize, x: &f64| if *x < 2.5 { *x } else { f64::NAN };
+    let factors = StepFactors::Common(&[[0.3]]);
+    let mut moved = start.clone();
+    let params = MoveParams {
+        steps: 100,
+        ..MoveParams::default()
+    };
+    let error = resample_move(&Line, &mut moved, &cliff, factors, &params, &stream(10));
+    assert!(error.is_err());
+    assert_eq!(moved, start);
+    let params = PaperParams {
+        steps: 1000,
+        ..PaperParams::default()
+    };
+    let error = evolve_paper(&Line, &mut moved, &cliff, factors, &params, &stream(10));
+    assert!(error.is_err());
+    assert_eq!(moved, start);
 }

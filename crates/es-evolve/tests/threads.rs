@@ -2,22 +2,11 @@
 #![cfg(feature = "parallel")]
 
 use es_evolve::{
-    EvolutionReport, MoveParams, PaperParams, Space, StepFactors, evolve_paper, resample_move,
+    Euclidean, EvolutionReport, MoveParams, OptimiseParams, PaperParams, StepAdaptation,
+    StepFactors, evolve_paper, optimise_restarting, resample_move,
 };
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-
-struct Flat;
-
-impl Space<2> for Flat {
-    type Genome = [f64; 2];
-    fn retract(&self, at: &[f64; 2], step: &[f64; 2]) -> [f64; 2] {
-        [at[0] + step[0], at[1] + step[1]]
-    }
-    fn local(&self, from: &[f64; 2], to: &[f64; 2]) -> [f64; 2] {
-        [to[0] - from[0], to[1] - from[1]]
-    }
-}
 
 fn stream(step: usize, slot: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -40,12 +29,19 @@ fn populations_do_not_depend_on_the_number_of_threads() {
             let factors = StepFactors::Common(&factor);
             let mut published = start.clone();
             let params = PaperParams::default();
-            let paper =
-                evolve_paper(&Flat, &mut published, &fitness, factors, &params, &stream).unwrap();
+            let paper = evolve_paper(
+                &Euclidean,
+                &mut published,
+                &fitness,
+                factors,
+                &params,
+                &stream,
+            )
+            .unwrap();
             let mut moved = start.clone();
             let params = MoveParams::default();
             let mover =
-                resample_move(&Flat, &mut moved, &fitness, factors, &params, &stream).unwrap();
+                resample_move(&Euclidean, &mut moved, &fitness, factors, &params, &stream).unwrap();
             [(published, paper), (moved, mover)]
         })
     };
@@ -58,6 +54,41 @@ fn populations_do_not_depend_on_the_number_of_threads() {
             assert_eq!(fitness(slot, genome), report.log_fitness[slot]);
         }
     }
-    assert_eq!(run(2), alone);
-    assert_eq!(run(7), alone);
+    for threads in [2, 3, 8] {
+        assert_eq!(run(threads), alone, "{threads} threads");
+    }
+}
+
+#[test]
+fn optima_do_not_depend_on_the_number_of_threads() {
+    let fitness = |_: usize, x: &[f64; 3]| {
+        -x.iter()
+            .map(|v| v * v + 10.0 * (1.0 - (6.0 * v).cos()))
+            .sum::<f64>()
+    };
+    for adaptation in [
+        StepAdaptation::Isotropic,
+        StepAdaptation::PerCoordinate,
+        StepAdaptation::Covariance,
+    ] {
+        let params = OptimiseParams {
+            adaptation,
+            max_evaluations: 5000,
+            ..OptimiseParams::for_dimension(3)
+        };
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let start = |run: usize| [2.0, -3.0, run as f64];
+                let sizes = [1.0, 2.0, 0.5];
+                optimise_restarting(&Euclidean, start, &sizes, &fitness, &params, &stream).unwrap()
+            })
+        };
+        let alone = run(1);
+        assert!(alone.evaluations <= 5000);
+        assert_eq!(fitness(0, &alone.best), alone.log_fitness);
+        for threads in [2, 3, 8] {
+            assert_eq!(run(threads), alone, "{threads} threads");
+        }
+    }
 }

@@ -72,7 +72,7 @@ impl<const D: usize, const K: usize, const M: usize> PoseAndMap<D, K> for Naming
     }
 
     fn set_pose(&mut self, pose: SVector<f64, D>) {
-        self.particle.pose = pose;
+        self.particle.set_pose(pose);
     }
 
     fn landmark(&self, id: u32) -> Option<Gaussian<K>> {

@@ -48,6 +48,14 @@ pub enum RbpfError {
         /// The fraction given.
         value: f64,
     },
+    /// A setting out of range; `what` names it and its range.
+    #[error("{what}: {value} given")]
+    InvalidSetting {
+        /// The setting and its range.
+        what: &'static str,
+        /// The value given.
+        value: f64,
+    },
     /// A covariance that must be positive definite is not.
     #[error(
         "{what}: pivot {pivot} of the Cholesky factorisation is {value}, a positive number required"

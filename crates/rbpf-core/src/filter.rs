@@ -22,6 +22,7 @@
 
 use crate::diagnostics::{Genealogy, unique_ancestors};
 use crate::error::{RbpfError, StepError};
+use crate::kld::KldSampling;
 use crate::particle_set::{ParticleSet, check_length};
 use crate::resampling::Resampler;
 use crate::streams::{Purpose, Streams};
@@ -158,6 +159,33 @@ impl Default for FilterConfig {
     }
 }
 
+/// How many particles a resampling draws.
+#[derive(Clone, Debug, Default)]
+pub enum ParticleCount<P> {
+    /// As many as there are.
+    #[default]
+    Fixed,
+    /// As many as the spread of the poses asks for.
+    Kld {
+        /// The bound and its bins.
+        sampling: KldSampling,
+        /// The coordinates to be binned, headings wrapped.
+        pose: fn(&P) -> Vec<f64>,
+    },
+}
+
+impl<P> ParticleCount<P> {
+    fn draw(&self, set: &ParticleSet<P>, rng: &mut ChaCha8Rng) -> Result<usize, RbpfError> {
+        match self {
+            Self::Fixed => Ok(set.len()),
+            Self::Kld { sampling, pose } => {
+                let poses: Vec<Vec<f64>> = set.particles().iter().map(pose).collect();
+                sampling.count(set.log_weights(), &poses, rng)
+            }
+        }
+    }
+}
+
 /// What happened in a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
@@ -165,7 +193,7 @@ pub struct StepReport {
     pub log_evidence: f64,
     /// Effective number of particles after weighting, before resampling.
     pub n_eff: f64,
-    /// Ancestor of each slot, sorted, when the frame resampled.
+    /// Ancestor of each slot, sorted, when the frame resampled; as many as there are particles now.
     pub ancestors: Option<Vec<usize>>,
     /// Distinct ancestors; N when the frame did not resample.
     pub unique_ancestors: usize,
@@ -189,6 +217,7 @@ pub struct ParticleFilter<P> {
     set: ParticleSet<P>,
     streams: Streams,
     config: FilterConfig,
+    count: ParticleCount<P>,
     genealogy: Genealogy,
 }
 
@@ -225,8 +254,21 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
             set,
             streams,
             config,
+            count: ParticleCount::Fixed,
             genealogy,
         })
+    }
+
+    /// The same filter, with another rule for the number of particles a resampling draws.
+    ///
+    /// # Errors
+    /// As [`KldSampling::check`].
+    pub fn with_particle_count(mut self, count: ParticleCount<P>) -> Result<Self, RbpfError> {
+        if let ParticleCount::Kld { sampling, .. } = &count {
+            sampling.check()?;
+        }
+        self.count = count;
+        Ok(self)
     }
 
     /// The particle set.
@@ -296,10 +338,9 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         let mut ancestors = None;
         if n_eff < self.config.resampling_threshold * next.len() as f64 {
             let mut rng = streams.shared(frame, Purpose::Resampling);
-            let chosen =
-                self.config
-                    .resampler
-                    .resample(next.log_weights(), next.len(), &mut rng)?;
+            let count = self.count.draw(&next, &mut rng)?;
+            let resampler = self.config.resampler;
+            let chosen = resampler.resample(next.log_weights(), count, &mut rng)?;
             next.select(&chosen)?;
             ancestors = Some(chosen);
         }
@@ -367,7 +408,7 @@ pub fn map_particles<P: Send, R: Send>(
 /// A failure with the slot it happened in.
 type InSlot<E> = (usize, E);
 
-fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, InSlot<E>> {
+pub(crate) fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, InSlot<E>> {
     outcomes
         .into_iter()
         .enumerate()

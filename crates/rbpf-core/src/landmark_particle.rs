@@ -6,6 +6,8 @@ use crate::history::PersistentPath;
 use crate::landmark_filter::LandmarkFilter;
 use crate::landmark_map::CowMap;
 use crate::models::{Frame, Gaussian, PoseAndMap};
+#[cfg(feature = "es-evolve")]
+use crate::rejuvenation::MovablePose;
 use nalgebra::SVector;
 
 /// A landmark of one particle.
@@ -23,6 +25,8 @@ pub struct Landmark<const K: usize> {
 pub struct LandmarkParticle<const D: usize, const K: usize> {
     /// The present pose.
     pub pose: SVector<f64, D>,
+    /// The one before it, from which the last motion set out.
+    pub previous_pose: SVector<f64, D>,
     /// The final poses of the frames so far.
     pub path: PersistentPath<SVector<f64, D>>,
     /// Landmarks by id.
@@ -35,6 +39,7 @@ impl<const D: usize, const K: usize> LandmarkParticle<D, K> {
     pub const fn new(pose: SVector<f64, D>) -> Self {
         Self {
             pose,
+            previous_pose: pose,
             path: PersistentPath::new(),
             map: CowMap::new(),
         }
@@ -47,11 +52,23 @@ impl<const D: usize, const K: usize> PoseAndMap<D, K> for LandmarkParticle<D, K>
     }
 
     fn set_pose(&mut self, pose: SVector<f64, D>) {
+        self.previous_pose = self.pose;
         self.pose = pose;
     }
 
     fn landmark(&self, id: u32) -> Option<Gaussian<K>> {
         self.map.get(id).map(|landmark| landmark.position)
+    }
+}
+
+#[cfg(feature = "es-evolve")]
+impl<const D: usize, const K: usize> MovablePose<D, K> for LandmarkParticle<D, K> {
+    fn previous_pose(&self) -> SVector<f64, D> {
+        self.previous_pose
+    }
+
+    fn replace_pose(&mut self, pose: SVector<f64, D>) {
+        self.pose = pose;
     }
 }
 

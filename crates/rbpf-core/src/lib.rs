@@ -5,7 +5,7 @@
 //!
 //! 1. [`streams`]: one random stream per (seed, frame, particle, purpose);
 //! 2. [`log_weights`]: normalisation and effective count in log space;
-//! 3. [`resampling`]: four unbiased schemes returning sorted ancestors;
+//! 3. [`resampling`]: four unbiased schemes returning sorted ancestors; [`kld`]: how many to draw;
 //! 4. [`landmark_map`]: a persistent map, cloned in O(1) and copied where it is written;
 //! 5. [`history`]: a persistent path with the same sharing;
 //! 6. [`circular`]: means of headings;
@@ -31,6 +31,7 @@ pub mod diagnostics;
 pub mod error;
 pub mod filter;
 pub mod history;
+pub mod kld;
 pub mod landmark_filter;
 pub mod landmark_map;
 pub mod landmark_particle;
@@ -39,6 +40,8 @@ pub mod models;
 pub mod particle_set;
 pub mod proposal;
 pub mod range_bearing;
+#[cfg(feature = "es-evolve")]
+pub mod rejuvenation;
 pub mod resampling;
 pub mod streams;
 
@@ -54,10 +57,11 @@ pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
 pub use filter::{
-    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleFilter, Proposal, Rejuvenation,
-    RejuvenationReport, RejuvenationSchedule, StepReport,
+    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleCount, ParticleFilter, Proposal,
+    Rejuvenation, RejuvenationReport, RejuvenationSchedule, StepReport,
 };
 pub use history::PersistentPath;
+pub use kld::KldSampling;
 #[cfg(feature = "ukf")]
 pub use landmark_filter::UnscentedLandmarks;
 pub use landmark_filter::{ExtendedLandmarks, LandmarkFilter, LandmarkUpdate};
@@ -73,6 +77,8 @@ pub use proposal::{ExtendedProposal, Linearisation, linearised_log_likelihood};
 #[cfg(feature = "ukf")]
 pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
 pub use range_bearing::{Bicycle, Command, Deviation, Propagation, RangeBearing, Unicycle};
+#[cfg(feature = "es-evolve")]
+pub use rejuvenation::{InverseMotion, MovablePose, MoveError, MovePoses};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
 

@@ -138,10 +138,7 @@ impl<P> ParticleSet<P> {
     where
         P: Clone,
     {
-        if ancestors.is_empty() {
-            return Err(RbpfError::NoParticles);
-        }
-        check_ancestors(ancestors, ancestors.len(), self.len())?;
+        check_ancestors(ancestors, self.len())?;
         self.particles = ancestors
             .iter()
             .map(|&slot| self.particles[slot].clone())

@@ -5,6 +5,8 @@ use crate::factor::symmetric;
 use crate::models::{
     FieldOfView, Gaussian, InverseObservation, MotionModel, ObservationJacobians, ObservationModel,
 };
+#[cfg(feature = "es-evolve")]
+use crate::rejuvenation::InverseMotion;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector2, Vector3};
 #[cfg(feature = "ukf")]
 use nalgebra::{SMatrix, SVector};
@@ -215,6 +217,26 @@ impl MotionModel<3> for Bicycle {
     fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
         moved(pose, tangent)
     }
+}
+
+#[cfg(feature = "es-evolve")]
+impl InverseMotion<3> for Unicycle {
+    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        between(from, to)
+    }
+}
+
+#[cfg(feature = "es-evolve")]
+impl InverseMotion<3> for Bicycle {
+    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        between(from, to)
+    }
+}
+
+#[cfg(feature = "es-evolve")]
+fn between(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+    let difference = to - from;
+    Vector3::new(difference.x, difference.y, wrap_angle(difference.z))
 }
 
 fn moved(pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {

@@ -164,6 +164,8 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             function,
         )?;
         let update = correct(self.mean(), self.covariance(), &predicted, measurement)?;
-        Ok(self.take(update))
+        let innovation = update.innovation();
+        self.set_state(update.mean, update.covariance);
+        Ok(innovation)
     }
 }

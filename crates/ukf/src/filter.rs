@@ -15,7 +15,7 @@ use crate::error::{Step, UkfError};
 use crate::manifold::Manifold;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::unscented_transform;
-use crate::update::{Update, symmetric, unscented_correction};
+use crate::update::{symmetric, unscented_correction};
 use nalgebra::{SMatrix, SVector};
 
 /// A Gaussian state and its sigma points.
@@ -110,7 +110,9 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             measurement_noise,
             function,
         )?;
-        Ok(self.take(update))
+        let innovation = update.innovation();
+        self.set_state(update.mean, update.covariance);
+        Ok(innovation)
     }
 
     /// The sigma points.
@@ -133,15 +135,5 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     pub(crate) fn set_state(&mut self, mean: X, covariance: SMatrix<f64, L, L>) {
         self.mean = mean;
         self.covariance = covariance;
-    }
-
-    pub(crate) fn take<const M: usize>(&mut self, update: Update<X, L, M>) -> Innovation<M> {
-        self.set_state(update.mean, update.covariance);
-        Innovation {
-            innovation: update.innovation,
-            covariance: update.innovation_covariance,
-            nis: update.nis,
-            log_likelihood: update.log_likelihood,
-        }
     }
 }

@@ -2,14 +2,15 @@
 //! without allocation.
 //!
 //! 1. [`sigma_points`]: which points stand for a Gaussian, and their weights;
-//! 2. [`manifold`]: states and measurements with headings, by one trait of two methods;
+//! 2. [`manifold`]: states and measurements with headings, by one trait of two methods; [`so3`] for rotations;
 //! 3. [`transform`]: mean and covariance of a function of a Gaussian;
 //! 4. [`update`]: the measurement update of one Gaussian, alone, as a landmark needs it;
 //! 5. [`filter`]: prediction and update as a filter; [`augmented`] where noise is not added,
-//!    [`several`] for many measurements at once;
+//!    [`several`] for many measurements at once, [`gating`] against wrong ones, [`iterated`] for precise ones;
 //! 6. [`square_root`]: the same filter carrying a factor of the covariance;
-//! 7. [`consistency`]: does the error match the covariance? NIS, NEES, chi-square bounds;
-//! 8. [`cholesky`]: the factorisation beneath, which names the pivot that failed.
+//! 7. [`smoother`]: each state given all measurements;
+//! 8. [`consistency`]: does the error match the covariance? NIS, NEES, chi-square bounds;
+//! 9. [`cholesky`]: the factorisation beneath, which names the pivot that failed.
 //!
 //! All sizes are const generics: L the state's tangent, M the measurement's.
 #![no_std]
@@ -19,9 +20,13 @@ pub mod cholesky;
 pub mod consistency;
 pub mod error;
 pub mod filter;
+pub mod gating;
+pub mod iterated;
 pub mod manifold;
 pub mod several;
 pub mod sigma_points;
+pub mod smoother;
+pub mod so3;
 pub mod square_root;
 pub mod transform;
 pub mod update;
@@ -37,9 +42,12 @@ pub use consistency::{
 };
 pub use error::{Step, UkfError};
 pub use filter::{Innovation, Ukf};
+pub use gating::Gate;
+pub use iterated::{Iterated, Iterations};
 pub use manifold::{Angle, Manifold, Se2};
 pub use several::{JointFit, Measured, stacked_workspace};
 pub use sigma_points::SigmaPoints;
+pub use smoother::{Estimate, rts_smooth};
 pub use square_root::SquareRootUkf;
 pub use transform::{Transformed, unscented_transform};
 pub use update::{Update, unscented_correction, unscented_update};

@@ -20,6 +20,7 @@
 
 use crate::cholesky::{Cholesky, check_symmetric};
 use crate::error::{Step, UkfError};
+use crate::filter::Innovation;
 use crate::manifold::Manifold;
 use crate::math::ln;
 use crate::sigma_points::SigmaPoints;
@@ -42,6 +43,18 @@ pub struct Update<X, const L: usize, const M: usize> {
     pub innovation: SVector<f64, M>,
     /// S, measurement noise included.
     pub innovation_covariance: SMatrix<f64, M, M>,
+}
+
+impl<X, const L: usize, const M: usize> Update<X, L, M> {
+    /// What a filter tells of it.
+    pub(crate) const fn innovation(&self) -> Innovation<M> {
+        Innovation {
+            innovation: self.innovation,
+            covariance: self.innovation_covariance,
+            nis: self.nis,
+            log_likelihood: self.log_likelihood,
+        }
+    }
 }
 
 /// Updates a Gaussian vector, such as a landmark, by a measurement z = h(x) + noise of covariance R,

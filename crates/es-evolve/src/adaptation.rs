@@ -1,0 +1,244 @@
+//! Self-adapted step sizes: what an offspring mutates with, and what its survivors hand on.
+//!
+//! With D dimensions, z standard normal, and one log-normal factor drawn for each offspring l:
+//!
+//! | [`StepAdaptation`] | step of offspring l | after selection |
+//! |---|---|---|
+//! | `Isotropic` | sigma_l z, sigma_l = sigma exp(tau N) | sigma = mean sigma_l |
+//! | `PerCoordinate` | sigma_li z_i, sigma_li = sigma_i exp(tau' N + tau'' N_i) | sigma_i = mean sigma_li |
+//! | `Covariance` | sigma_l L z, L L^T = C | sigma = mean sigma_l, C = (1 - 1/t) C + (1/t) mean (L z)(L z)^T |
+//!
+//! tau = tau' = 1/sqrt(2 D), tau'' = 1/sqrt(2 sqrt(D)) (Schwefel 1995; Beyer and Schwefel 2002), t = 1 + D (D + 1) / (2 mu)
+//! (Beyer and Sendhoff 2008, CMSA-ES). All steps are in units of the initial step sizes. The trace of C is
+//! kept at D, its scale handed to sigma, which changes no step and keeps both in range.
+
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::step::standard_normal;
+
+/// Which shape of mutation adapts itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StepAdaptation {
+    /// One step size. Cheapest, best on well-scaled and on very rugged functions. O(D) an offspring.
+    Isotropic,
+    /// One step size a coordinate, for scales that differ along the axes. Wants mu of 5 or more. O(D) an offspring.
+    PerCoordinate,
+    /// One step size and a covariance: ridges and valleys in any direction. O(D^2) an offspring, O(D^3) a generation.
+    #[default]
+    Covariance,
+}
+
+/// What one offspring mutated with.
+#[derive(Debug, Clone)]
+pub(crate) struct Mutation<const D: usize> {
+    /// Step in units of the initial sizes.
+    pub(crate) step: [f64; D],
+    /// Its own sizes.
+    sizes: [f64; D],
+}
+
+/// The distribution of the next generation's steps.
+#[derive(Debug)]
+pub(crate) struct Strategy<const D: usize> {
+    kind: StepAdaptation,
+    /// Step sizes; all equal unless per coordinate.
+    sizes: [f64; D],
+    /// C and its lower factor, row by row; empty unless `Covariance`.
+    covariance: Vec<[f64; D]>,
+    factor: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Strategy<D> {
+    pub(crate) fn new(kind: StepAdaptation) -> Self {
+        let identity: Vec<[f64; D]> = if kind == StepAdaptation::Covariance {
+            (0..D)
+                .map(|row| std::array::from_fn(|column| f64::from(u8::from(row == column))))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        Self {
+            kind,
+            sizes: [1.0; D],
+            covariance: identity.clone(),
+            factor: identity,
+        }
+    }
+
+    /// The mutation of one offspring.
+    pub(crate) fn mutate(&self, rng: &mut impl Rng) -> Mutation<D> {
+        let dimension = D as f64;
+        let tau = 1.0 / (2.0 * dimension).sqrt();
+        let common: f64 = StandardNormal.sample(rng);
+        let mut sizes = self.sizes.map(|size| size * (tau * common).exp());
+        if self.kind == StepAdaptation::PerCoordinate && D > 1 {
+            let tau = 1.0 / (2.0 * dimension.sqrt()).sqrt();
+            for (size, normal) in sizes.iter_mut().zip(standard_normal::<D>(rng)) {
+                *size *= (tau * normal).exp();
+            }
+        }
+        let normal = standard_normal::<D>(rng);
+        let direction: [f64; D] = if self.kind == StepAdaptation::Covariance {
+            std::array::from_fn(|row| {
+                (0..=row)
+                    .map(|column| self.factor[row][column] * normal[column])
+                    .sum()
+            })
+        } else {
+            normal
+        };
+        Mutation {
+            step: std::array::from_fn(|i| sizes[i] * direction[i]),
+            sizes,
+        }
+    }
+
+    /// Intermediate recombination of the survivors, at least one: their mean step; the sizes and C follow them.
+    ///
+    /// # Errors
+    /// Pivot number and value where C is no longer positive definite.
+    pub(crate) fn recombine(
+        &mut self,
+        survivors: &[&Mutation<D>],
+    ) -> Result<[f64; D], (usize, f64)> {
+        let count = survivors.len() as f64;
+        let mean = |entry: &dyn Fn(&Mutation<D>) -> f64| {
+            survivors
+                .iter()
+                .map(|mutation| entry(mutation))
+                .sum::<f64>()
+                / count
+        };
+        let step = std::array::from_fn(|i| mean(&|mutation| mutation.step[i]));
+        self.sizes = std::array::from_fn(|i| mean(&|mutation| mutation.sizes[i]));
+        if self.kind == StepAdaptation::Covariance {
+            let dimension = D as f64;
+            let share = 1.0 / (1.0 + dimension * (dimension + 1.0) / (2.0 * count));
+            for row in 0..D {
+                for column in 0..=row {
+                    let product = mean(&|Mutation { step, sizes }| {
+                        step[row] * step[column] / (sizes[row] * sizes[column])
+                    });
+                    let entry = &mut self.covariance[row][column];
+                    *entry += share * (product - *entry);
+                }
+            }
+            let trace: f64 = (0..D).map(|i| self.covariance[i][i]).sum();
+            let scale = trace / dimension;
+            for row in &mut self.covariance {
+                for entry in row {
+                    *entry /= scale;
+                }
+            }
+            self.sizes = self.sizes.map(|size| size * scale.sqrt());
+            self.factorise()?;
+        }
+        Ok(step)
+    }
+
+    /// Standard deviation of a step along each coordinate, in units of the initial sizes.
+    pub(crate) fn deviations(&self) -> [f64; D] {
+        let mut deviations = self.sizes;
+        for (i, row) in self.covariance.iter().enumerate() {
+            deviations[i] *= row[i].sqrt();
+        }
+        deviations
+    }
+
+    /// Cholesky factor of C, by rows.
+    fn factorise(&mut self) -> Result<(), (usize, f64)> {
+        for row in 0..D {
+            for column in 0..=row {
+                let known: f64 = (0..column)
+                    .map(|k| self.factor[row][k] * self.factor[column][k])
+                    .sum();
+                let rest = self.covariance[row][column] - known;
+                self.factor[row][column] = if row > column {
+                    rest / self.factor[column][column]
+                } else if rest > 0.0 {
+                    rest.sqrt()
+                } else {
+                    return Err((row, rest));
+                };
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    /// C of the given lower triangle: steps must have that covariance.
+    #[test]
+    fn steps_have_the_covariance() {
+        let mut strategy = Strategy::<3>::new(StepAdaptation::Covariance);
+        // The factor of [[4, 2, 0.4], [2, 5, 1], [0.4, 1, 1]].
+        strategy.covariance = vec![[4.0, 0.0, 0.0], [2.0, 5.0, 0.0], [0.4, 1.0, 1.0]];
+        strategy.factorise().unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let count = 100_000;
+        let mut sums = [[0.0; 3]; 3];
+        for _ in 0..count {
+            let mutation = strategy.mutate(&mut rng);
+            for row in 0..3 {
+                for column in 0..=row {
+                    sums[row][column] += mutation.step[row] * mutation.step[column]
+                        / (mutation.sizes[row] * mutation.sizes[column]);
+                }
+            }
+        }
+        for row in 0..3 {
+            for column in 0..=row {
+                let c = &strategy.covariance;
+                // Isserlis: the product of two normals has variance c_rr c_cc + c_rc^2.
+                let variance = c[row][row] * c[column][column] + c[row][column].powi(2);
+                let bound = 4.0 * (variance / f64::from(count)).sqrt();
+                let mean = sums[row][column] / f64::from(count);
+                assert!(
+                    (mean - c[row][column]).abs() < bound,
+                    "{row} {column}: {mean}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn recombination_is_the_mean_and_leaves_the_scale_of_steps() {
+        let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
+        let survivors = [
+            Mutation {
+                step: [2.0, 0.0],
+                sizes: [1.0; 2],
+            },
+            Mutation {
+                step: [2.0, 6.0],
+                sizes: [3.0; 2],
+            },
+        ];
+        let step = strategy.recombine(&[&survivors[0], &survivors[1]]).unwrap();
+        assert_eq!(step, [2.0, 3.0]);
+        // t = 1 + 2 * 3 / (2 * 2) = 5/2; directions (2, 0) and (2/3, 2) have mean products 20/9, 2/3 and 2.
+        let share: f64 = 1.0 / 2.5;
+        let c00 = 1.0 + share * (20.0 / 9.0 - 1.0);
+        let c10 = share * (2.0 / 3.0);
+        let c11 = 1.0 + share;
+        let variance = 4.0 * c00;
+        assert!((strategy.deviations()[0].powi(2) - variance).abs() < 1e-14 * variance);
+        let trace = strategy.covariance[0][0] + strategy.covariance[1][1];
+        assert!((trace - 2.0).abs() < 1e-15);
+        let ratio = strategy.covariance[1][0] / strategy.covariance[1][1];
+        assert!((ratio - c10 / c11).abs() < 1e-15, "{ratio}");
+    }
+
+    #[test]
+    fn a_lost_covariance_names_its_pivot() {
+        let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
+        strategy.covariance = vec![[1.0, 0.0], [2.0, 1.0]];
+        assert_eq!(strategy.factorise(), Err((1, -3.0)));
+    }
+}
