@@ -23,7 +23,7 @@ use crate::models::{
     FieldOfView, Frame, Gaussian, MotionModel, ObservationModel, PoseAndMap, check_measurement,
 };
 use crate::proposal::{checked_noise, residual};
-use crate::sigma::SigmaPoints;
+use crate::unscented::Spread;
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeSet;
@@ -171,24 +171,26 @@ impl<A, B, I> Associating<A, B, I> {
         let sensor = &self.sensor;
         let noise = checked_noise(sensor)?;
         let root = Factor::definite(&predicted.covariance, "motion model")?;
-        let poses = SigmaPoints::new(&SVector::zeros(), &root)
-            .moved(|tangent| self.motion.retract(&predicted.mean, tangent));
+        let pose = &predicted.mean;
+        let mean = SVector::zeros();
+        let about = Spread { mean, root };
+        let pose_at = |tangent: &_| self.motion.retract(pose, tangent);
         let mut nearest = vec![f64::INFINITY; measurements.len()];
         let mut pairs = Vec::new();
         for (id, landmark) in &particle.map {
             let position = &landmark.position.mean;
-            if !sensor.reaches(&poses.centre, position) {
+            if !sensor.reaches(pose, position) {
                 continue;
             }
-            let Some(expected) = sensor.predict(&poses.centre, position) else {
+            let Some(expected) = sensor.predict(pose, position) else {
                 continue;
             };
             // residuals against the measurement expected at the mean: zero there
             let from = |pose: &_, at: &_| residual(sensor, pose, at, &expected);
-            let points = landmark.position.sigma_points("landmark")?;
+            let spread = Spread::of(&landmark.position, "landmark")?;
             let (Some(of_pose), Some(of_landmark)) = (
-                poses.image(&SVector::zeros(), |pose| from(pose, position)),
-                points.image(&SVector::zeros(), |at| from(&poses.centre, at)),
+                about.through(|tangent| from(&pose_at(tangent), position))?,
+                spread.through(|at| from(pose, at))?,
             ) else {
                 continue;
             };

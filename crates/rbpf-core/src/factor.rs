@@ -31,6 +31,7 @@ impl<const N: usize> Factor<N> {
         factorise(matrix, what, true)
     }
 
+    #[cfg(any(test, feature = "ukf"))]
     pub(crate) const fn lower(&self) -> &SMatrix<f64, N, N> {
         &self.lower
     }

@@ -7,6 +7,8 @@ use crate::error::RbpfError;
 use crate::factor::{Factor, symmetric};
 use crate::models::{Gaussian, InverseObservation, ObservationJacobians, check_measurement};
 use crate::proposal::{checked_noise, residual};
+#[cfg(feature = "ukf")]
+use crate::unscented::Spread;
 use nalgebra::{SMatrix, SVector};
 
 /// A landmark after a measurement, and how well that fitted.
@@ -50,6 +52,7 @@ pub trait LandmarkFilter<S, const D: usize, const K: usize, const M: usize>: Syn
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExtendedLandmarks;
 
+#[cfg(feature = "ukf")]
 /// By sigma points, of the measurement at the start and of the landmark afterwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UnscentedLandmarks;
@@ -110,6 +113,7 @@ where
     }
 }
 
+#[cfg(feature = "ukf")]
 impl<S, const D: usize, const K: usize, const M: usize> LandmarkFilter<S, D, K, M>
     for UnscentedLandmarks
 where
@@ -126,11 +130,10 @@ where
             mean: *measurement,
             covariance: checked_noise(sensor)?,
         };
-        let points = seen.sigma_points("measurement noise")?;
-        let image = sensor
-            .locate(pose, measurement)
-            .and_then(|centre| points.image(&centre, |z| sensor.locate(pose, z)));
-        let Some(image) = image else { return Ok(None) };
+        let seen = Spread::of(&seen, "measurement noise")?;
+        let Some(image) = seen.through(|z| sensor.locate(pose, z))? else {
+            return Ok(None);
+        };
         checked(Gaussian {
             mean: image.mean,
             covariance: image.covariance,
@@ -147,16 +150,16 @@ where
     ) -> Result<Option<LandmarkUpdate<K>>, RbpfError> {
         check_measurement(0, measurement)?;
         let noise = checked_noise(sensor)?;
-        let root = Factor::semidefinite(&prior.covariance, "landmark")?;
-        let points = prior.sigma_points("landmark")?;
-        let image = residual(sensor, pose, &prior.mean, measurement)
-            .and_then(|centre| points.image(&centre, |at| residual(sensor, pose, at, measurement)));
-        let Some(image) = image else { return Ok(None) };
+        let spread = Spread::of(prior, "landmark")?;
+        let Some(image) = spread.through(|at| residual(sensor, pose, at, measurement))? else {
+            return Ok(None);
+        };
         let innovation_covariance = symmetric(&(image.covariance + noise));
         let factor = Factor::definite(&innovation_covariance, "innovation")?;
         // P - K S K^T = L (I - G^T S^-1 G) L^T with G = d residual / d u; in square-root form the
         // Joseph form of the same, with the noise of the linear fit (image - G G^T + R)
-        let slope = image.whitened_slope;
+        let slope = image.cross_covariance.transpose();
+        let root = spread.root;
         let gain = factor.solve(&slope).transpose();
         let rest = SMatrix::<f64, K, K>::identity() - gain * slope;
         let fit_noise = innovation_covariance - slope * slope.transpose();

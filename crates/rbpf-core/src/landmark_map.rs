@@ -35,6 +35,8 @@ pub struct SharedLeaves {
     pub shared: usize,
     /// Leaves of the first map.
     pub total: usize,
+    /// Bytes of the first map's nodes, leaves and branches, that the second does not hold.
+    pub own_bytes: usize,
 }
 
 enum Node<T> {
@@ -117,6 +119,7 @@ impl<T> CowMap<T> {
         let mut count = SharedLeaves {
             shared: 0,
             total: 0,
+            own_bytes: 0,
         };
         let twin = if self.height == other.height {
             other.root.as_ref()
@@ -250,6 +253,10 @@ fn count_shared<T>(
     count: &mut SharedLeaves,
 ) {
     let shared = inside_shared || twin.is_some_and(|twin| Arc::ptr_eq(node, twin));
+    if !shared {
+        // two reference counts before the node
+        count.own_bytes += size_of::<Node<T>>() + 2 * size_of::<usize>();
+    }
     match &**node {
         Node::Leaf(_) => {
             count.total += 1;

@@ -16,11 +16,15 @@
 //! 10. [`proposal`]: from the motion model, extended, unscented, with exact weights;
 //! 11. [`landmark_filter`] and [`landmark_particle`]: the landmarks of a particle and their update;
 //! 12. [`range_bearing`]: a planar sensor and two vehicles, ready to use;
-//! 13. [`association`]: scans without ids, named by each particle.
+//! 13. `association`: scans without ids, named by each particle.
+//!
+//! Everything unscented, and with it `MotionProposal` and `association`, whose likelihoods are by sigma points, is
+//! of the feature `ukf` (on by default). Without it the forms by Jacobians remain.
 //!
 //! The results do not depend on the number of threads: random numbers are keyed by the particle,
 //! and every reduction runs in particle order.
 
+#[cfg(feature = "ukf")]
 pub mod association;
 pub mod circular;
 pub mod diagnostics;
@@ -42,8 +46,10 @@ pub mod resampling;
 pub mod streams;
 
 mod factor;
-mod sigma;
+#[cfg(feature = "ukf")]
+mod unscented;
 
+#[cfg(feature = "ukf")]
 pub use association::{
     Associating, AssociationRules, DoubtingMapping, ExistenceRules, NamingParticle, Scan,
 };
@@ -56,7 +62,9 @@ pub use filter::{
 };
 pub use history::PersistentPath;
 pub use kld::KldSampling;
-pub use landmark_filter::{ExtendedLandmarks, LandmarkFilter, LandmarkUpdate, UnscentedLandmarks};
+#[cfg(feature = "ukf")]
+pub use landmark_filter::UnscentedLandmarks;
+pub use landmark_filter::{ExtendedLandmarks, LandmarkFilter, LandmarkUpdate};
 pub use landmark_map::{CowMap, SharedLeaves};
 pub use landmark_particle::{Landmark, LandmarkMapping, LandmarkParticle};
 pub use log_weights::{effective_count, log_sum_exp, normalize};
@@ -65,16 +73,15 @@ pub use models::{
     ObservationModel, PoseAndMap,
 };
 pub use particle_set::ParticleSet;
-pub use proposal::{
-    ExtendedProposal, Linearisation, MotionProposal, UnscentedProposal, linearised_log_likelihood,
-    log_likelihood,
-};
+pub use proposal::{ExtendedProposal, Linearisation, linearised_log_likelihood};
+#[cfg(feature = "ukf")]
+pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
 pub use range_bearing::{Bicycle, Command, Deviation, Propagation, RangeBearing, Unicycle};
 #[cfg(feature = "es-evolve")]
 pub use rejuvenation::{InverseMotion, MovablePose, MoveError, MovePoses};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
 
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "ukf"))]
 #[doc = include_str!("../README.md")]
 pub struct ReadmeDoctests;

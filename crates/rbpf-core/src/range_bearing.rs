@@ -1,14 +1,15 @@
 //! A planar robot (x, y in metres, heading in radians) that measures range and bearing of points.
 
 use crate::circular::wrap_angle;
-use crate::factor::{Factor, symmetric};
+use crate::factor::symmetric;
 use crate::models::{
     FieldOfView, Gaussian, InverseObservation, MotionModel, ObservationJacobians, ObservationModel,
 };
 #[cfg(feature = "es-evolve")]
 use crate::rejuvenation::InverseMotion;
-use crate::sigma::SigmaPoints;
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector2, Vector3};
+#[cfg(feature = "ukf")]
+use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
 /// Measures (range in metres, bearing in radians from the heading, left positive). No measurement of a point
@@ -125,6 +126,7 @@ pub enum Propagation {
     #[default]
     Jacobians,
     /// By 11 sigma points of pose and control noise.
+    #[cfg(feature = "ukf")]
     SigmaPoints,
 }
 
@@ -260,24 +262,24 @@ fn propagate<R: Fn(f64, f64) -> TurnRate>(
         };
         let nominal = drive(&mean, command.speed, command.turn);
         let sampled = match propagation {
-            Propagation::Jacobians => None,
+            Propagation::Jacobians => None::<(Vector3<f64>, Matrix3<f64>)>,
+            #[cfg(feature = "ukf")]
             Propagation::SigmaPoints => {
                 let mut joint = SMatrix::<f64, 5, 5>::zeros();
                 joint.fixed_view_mut::<3, 3>(0, 0).copy_from(&covariance);
                 joint.fixed_view_mut::<2, 2>(3, 3).copy_from(&noise);
+                let points = ukf::SigmaPoints::default();
                 // NaN comes out by the Jacobians below, and is refused where the pose is drawn
-                Factor::semidefinite(&joint, "motion")
-                    .ok()
-                    .and_then(|root| {
-                        SigmaPoints::new(&SVector::zeros(), &root).image(&Vector3::zeros(), |x| {
-                            let from = mean + x.fixed_rows::<3>(0);
-                            Some(drive(&from, command.speed + x[3], command.turn + x[4]) - nominal)
-                        })
-                    })
+                ukf::unscented_transform(&SVector::zeros(), &joint, &points, |x| {
+                    let from = mean + x.fixed_rows::<3>(0);
+                    drive(&from, command.speed + x[3], command.turn + x[4]) - nominal
+                })
+                .ok()
+                .map(|image| (image.mean, image.covariance))
             }
         };
-        if let Some(image) = sampled {
-            (mean, covariance) = (nominal + image.mean, image.covariance);
+        if let Some((shift, spread)) = sampled {
+            (mean, covariance) = (nominal + shift, spread);
         } else {
             let (rate, by_speed, by_turn) = turn_rate(command.speed, command.turn);
             let (f, g) = arc_jacobians(mean.z, command.speed, rate, command.seconds);
@@ -364,6 +366,39 @@ mod tests {
             assert!((g.column(1) - by_rate).amax() < 1e-9);
             assert!((f.column(2) - by_heading - Vector3::z()).amax() < 1e-9);
         }
+        // straight, beside the border of the series, whole turns, backwards, no time, standing
+        let border = 2e-3_f64;
+        let rates = [
+            0.0,
+            1e-300,
+            border.next_down(),
+            border,
+            -border,
+            2.0 * PI,
+            -4.0 * PI,
+            1e2,
+        ];
+        for (heading, speed, seconds) in [
+            (PI, 1.5, 1.0),
+            (-PI, -2.0, 1.0),
+            (3.0, 5.0, 0.0),
+            (-1.0, 0.0, 1.0),
+            (PI / 2.0, 1e-9, 1.0),
+        ] {
+            for rate in rates {
+                let (f, g) = arc_jacobians(heading, speed, rate, seconds);
+                let of = |steps: [f64; 3]| {
+                    let [a, b] = [-1.0, 1.0].map(|sign| {
+                        let at = steps.map(|step| sign * step);
+                        arc(heading + at[0], speed + at[1], rate + at[2], seconds)
+                    });
+                    (b - a) / (2.0 * e)
+                };
+                assert!((f.column(2) - of([e, 0.0, 0.0]) - Vector3::z()).amax() < 1e-9);
+                assert!((g.column(0) - of([0.0, e, 0.0])).amax() < 1e-9);
+                assert!((g.column(1) - of([0.0, 0.0, e])).amax() < 1e-9, "{rate}");
+            }
+        }
         let sensor = RangeBearing::new(0.1, 0.02);
         let (pose, landmark) = (Vector3::new(1.0, -2.0, 3.0), Vector2::new(-1.0, -1.5));
         let (h, g) = sensor.jacobians(&pose, &landmark).unwrap();
@@ -399,7 +434,11 @@ mod tests {
         };
         let seconds = PI / 2.0;
         let start = Vector3::new(0.0, 0.0, PI);
-        for propagation in [Propagation::Jacobians, Propagation::SigmaPoints] {
+        for propagation in [
+            Propagation::Jacobians,
+            #[cfg(feature = "ukf")]
+            Propagation::SigmaPoints,
+        ] {
             let floor = [1e-6; 3];
             let unicycle = Unicycle {
                 speed: still,
@@ -436,6 +475,7 @@ mod tests {
 
     /// For small noise both propagations agree: sigma points differ by terms of second order in the
     /// angles, (0.1)^2 here, Jacobians being off by as much.
+    #[cfg(feature = "ukf")]
     #[test]
     fn sigma_points_and_jacobians_agree_to_first_order() {
         let noise = |fixed| Deviation { fixed, share: 0.01 };

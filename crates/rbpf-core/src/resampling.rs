@@ -217,6 +217,49 @@ mod tests {
         assert!(total(Resampler::Residual) < total(Resampler::Multinomial));
     }
 
+    /// Over drawn weights, from counts alone: the variance of all counts together falls from multinomial to residual
+    /// and to systematic, and from multinomial to stratified to systematic; that of an estimate from multinomial to
+    /// residual and to stratified. A difference of variances over `runs` has a standard error of
+    /// at most sqrt(2 * 2 / runs) of the larger, 0.02 for 10000: less than 0.91 of it is 4.5 of them.
+    #[test]
+    fn variances_are_ordered_in_runs() {
+        let mut rng = Streams::new(8).shared(0, Purpose::Resampling);
+        let mut weights: Vec<f64> = (0..12).map(|_| -rng.random::<f64>().ln()).collect();
+        let sum: f64 = weights.iter().sum();
+        for weight in &mut weights {
+            *weight /= sum;
+        }
+        let logs: Vec<f64> = weights.iter().map(|w| w.ln()).collect();
+        let values: Vec<f64> = (0..12).map(|i| f64::from(i).sqrt()).collect();
+        let (n, runs) = (20, 10_000_u64);
+        let expected: f64 = weights
+            .iter()
+            .zip(&values)
+            .map(|(w, v)| n as f64 * w * v)
+            .sum();
+        let [systematic, stratified, residual, multinomial] = ALL.map(|scheme| {
+            let (mut of_counts, mut of_estimate) = (0.0, 0.0);
+            for run in 0..runs {
+                let mut rng = Streams::new(9).shared(run, Purpose::Resampling);
+                let mut counts = [0.0; 12];
+                for ancestor in scheme.resample(&logs, n, &mut rng).unwrap() {
+                    counts[ancestor] += 1.0;
+                }
+                let mut estimate = 0.0;
+                for (i, count) in counts.iter().enumerate() {
+                    of_counts += (count - n as f64 * weights[i]).powi(2);
+                    estimate += count * values[i];
+                }
+                of_estimate += (estimate - expected).powi(2);
+            }
+            (of_counts / runs as f64, of_estimate / runs as f64)
+        });
+        for better in [residual, stratified] {
+            assert!(better.0 < 0.91 * multinomial.0 && better.1 < 0.91 * multinomial.1);
+            assert!(systematic.0 < 0.91 * better.0, "{systematic:?} {better:?}");
+        }
+    }
+
     #[test]
     fn equal_weights_keep_every_particle() {
         let mut rng = Streams::new(1).shared(0, Purpose::Resampling);

@@ -323,6 +323,70 @@ fn zero_particles_and_zero_weights_leave_the_filter_as_it_was() {
     assert_ne!(filter.set(), &before);
 }
 
+/// Maps, and then fails for a particle that holds landmark 1000.
+struct MapsThenFails;
+
+impl MapUpdate<Particle, Observed> for MapsThenFails {
+    type Error = RbpfError;
+
+    fn update_map(&self, particle: &mut Particle, frame: &Observed) -> Result<(), RbpfError> {
+        let mapping = LandmarkMapping {
+            sensor: SENSOR,
+            filter: ExtendedLandmarks,
+        };
+        mapping.update_map(particle, frame)?;
+        if particle.map.contains(1000) {
+            return Err(RbpfError::NotFinite { what: "landmark" });
+        }
+        Ok(())
+    }
+}
+
+/// The maps of the particles before the failing one have changed by then, in the copy: the originals are
+/// equal, and the same memory.
+#[test]
+fn an_error_in_the_last_map_leaves_the_maps_before_it() {
+    let mut particles = vec![particle(Matrix2::identity()); 7];
+    let far = Landmark {
+        position: Gaussian {
+            mean: Vector2::new(50.0, 0.0),
+            covariance: Matrix2::identity(),
+        },
+        existence: 0.0,
+    };
+    particles[6].map.insert(1000, far);
+    let config = FilterConfig {
+        resampling_threshold: 0.0,
+        ..FilterConfig::default()
+    };
+    let set = ParticleSet::new(particles).unwrap();
+    let mut filter = ParticleFilter::new(set, Streams::new(1), config).unwrap();
+    let (before, genealogy) = (filter.set().clone(), filter.genealogy().clone());
+    let proposal = ExtendedProposal::<_, _, 3, 2> {
+        motion: MOTION,
+        sensor: SENSOR,
+        linearisation: Linearisation::Sequential,
+    };
+    // one landmark to update, one to start
+    let seen = frame(&[(4, 3.0, 0.3), (9, 2.0, -0.5)]);
+    let result = filter.step(0, &seen, &proposal, &NoRejuvenation, &MapsThenFails);
+    assert!(matches!(
+        result,
+        Err(StepError::MapUpdate { particle: 6, .. })
+    ));
+    assert_eq!((filter.set(), filter.genealogy()), (&before, &genealogy));
+    for (now, then) in filter.set().particles().iter().zip(before.particles()) {
+        assert_eq!(now.map.shared_leaves_with(&then.map).own_bytes, 0);
+    }
+    // without the failing particle the same frame changes every map
+    let _ = filter.particles_mut()[6].map.remove(1000);
+    let result = filter.step(0, &seen, &proposal, &NoRejuvenation, &MapsThenFails);
+    assert!(result.is_ok());
+    for (now, then) in filter.set().particles().iter().zip(before.particles()) {
+        assert!(now.map.get(4) != then.map.get(4) && now.map.contains(9));
+    }
+}
+
 /// A landmark filter that fails.
 struct Fails;
 

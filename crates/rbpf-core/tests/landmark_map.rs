@@ -81,11 +81,15 @@ fn a_write_leaves_the_other_leaves_shared() {
     let leaves = 1000_usize.div_ceil(16);
     let shared = copy.shared_leaves_with(&map);
     assert_eq!((shared.shared, shared.total), (leaves, leaves));
+    assert_eq!(shared.own_bytes, 0);
 
     *copy.get_mut(500).unwrap() = 0;
     *copy.get_mut(501).unwrap() = 0;
     let shared = copy.shared_leaves_with(&map);
     assert_eq!((shared.shared, shared.total), (leaves - 1, leaves));
+    // 63 leaves, 4 branches and the root beside nothing; one of each here
+    let all = copy.shared_leaves_with(&CowMap::new()).own_bytes;
+    assert_eq!(shared.own_bytes * 68, all * 3);
     assert!(std::ptr::eq(copy.get(0).unwrap(), map.get(0).unwrap()));
     assert!(!std::ptr::eq(copy.get(500).unwrap(), map.get(500).unwrap()));
     assert_eq!(map.get(500), Some(&500));

@@ -8,10 +8,10 @@
 //!
 //! with p(z | s, map) = prod_k N(z_k; z^_k(s), V_k(s) + R), V_k the covariance of landmark k
 //! as it appears in the measurement. The likelihood alone is
-//! right for [`MotionProposal`] (q = p(s | s_prev, u)) and wrong for any other: it counts the
+//! right for `MotionProposal` (q = p(s | s_prev, u)) and wrong for any other: it counts the
 //! measurement twice, once in drawing and once in weighting.
 //!
-//! [`ExtendedProposal`] and [`UnscentedProposal`] take in all landmarks of the frame that the particle
+//! [`ExtendedProposal`] and `UnscentedProposal` take in all landmarks of the frame that the particle
 //! holds. Given the pose the measurements are independent, so each adds information,
 //!
 //! ```text
@@ -26,13 +26,24 @@
 //! predicted is left out of the proposal, and one that cannot be predicted at
 //! the drawn pose makes the weight zero. Not for multimodal posteriors (a robot that may be in one of
 //! two places).
+//!
+//! Without the feature `ukf` what needs Jacobians remains; `Linearisation::Together(0)` then proposes from the
+//! motion model.
 
 mod extended;
+#[cfg(feature = "ukf")]
+mod likelihood;
+#[cfg(feature = "ukf")]
 mod motion;
+#[cfg(feature = "ukf")]
 mod unscented;
 
 pub use extended::{ExtendedProposal, Linearisation};
+#[cfg(feature = "ukf")]
+pub use likelihood::log_likelihood;
+#[cfg(feature = "ukf")]
 pub use motion::MotionProposal;
+#[cfg(feature = "ukf")]
 pub use unscented::UnscentedProposal;
 
 use crate::error::RbpfError;
@@ -40,39 +51,19 @@ use crate::factor::{Factor, symmetric};
 use crate::models::{
     Gaussian, ObservationJacobians, ObservationModel, PoseAndMap, check_measurement,
 };
-use crate::sigma::SigmaPoints;
 use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use std::f64::consts::TAU;
 
-/// log p(z | s, map) of a whole frame, landmark covariances pushed through the measurement by sigma
-/// points: the sum over the landmarks that the particle holds, minus
-/// infinity if one of them has no predicted measurement at this pose.
+/// log p(z | s, map) of a whole frame, landmark covariances pushed through the measurement by Jacobians:
+/// the sum over the landmarks that the particle holds, minus infinity if one of them has no predicted
+/// measurement at this pose.
 ///
 /// # Errors
 /// [`RbpfError::NotFinite`] or [`RbpfError::MeasurementNotFinite`] for NaN or infinity,
 /// [`RbpfError::NotPositiveDefinite`] or [`RbpfError::NotSymmetric`] for the covariance of a landmark or of the noise.
-pub fn log_likelihood<P, B, const D: usize, const K: usize, const M: usize>(
-    sensor: &B,
-    particle: &P,
-    pose: &SVector<f64, D>,
-    measurements: &[(u32, SVector<f64, M>)],
-) -> Result<f64, RbpfError>
-where
-    P: PoseAndMap<D, K>,
-    B: ObservationModel<D, K, M>,
-{
-    let noise = checked_noise(sensor)?;
-    let held = held_points(particle, measurements)?;
-    sampled_log_likelihood(sensor, &noise, pose, &held)
-}
-
-/// log p(z | s, map) as [`log_likelihood`], landmark covariances pushed through by Jacobians.
-///
-/// # Errors
-/// As [`log_likelihood`].
 pub fn linearised_log_likelihood<P, B, const D: usize, const K: usize, const M: usize>(
     sensor: &B,
     particle: &P,
@@ -100,9 +91,6 @@ where
     Ok(sum)
 }
 
-/// A measurement and the sigma points of its landmark.
-type HeldPoints<const K: usize, const M: usize> = (SigmaPoints<K>, SVector<f64, M>);
-
 /// The measured landmarks that the particle holds; their covariances are checked here.
 fn held<P, const D: usize, const K: usize, const M: usize>(
     particle: &P,
@@ -120,47 +108,6 @@ where
         }
     }
     Ok(held)
-}
-
-/// As [`held`], each landmark as sigma points, factorised once.
-fn held_points<P, const D: usize, const K: usize, const M: usize>(
-    particle: &P,
-    measurements: &[(u32, SVector<f64, M>)],
-) -> Result<Vec<HeldPoints<K, M>>, RbpfError>
-where
-    P: PoseAndMap<D, K>,
-{
-    let mut held = Vec::with_capacity(measurements.len());
-    for (id, measured) in measurements {
-        check_measurement(*id, measured)?;
-        if let Some(landmark) = particle.landmark(*id) {
-            held.push((landmark.sigma_points("landmark")?, *measured));
-        }
-    }
-    Ok(held)
-}
-
-fn sampled_log_likelihood<B, const D: usize, const K: usize, const M: usize>(
-    sensor: &B,
-    noise: &SMatrix<f64, M, M>,
-    pose: &SVector<f64, D>,
-    held: &[HeldPoints<K, M>],
-) -> Result<f64, RbpfError>
-where
-    B: ObservationModel<D, K, M>,
-{
-    check_pose(pose)?;
-    let mut sum = 0.0;
-    for (landmark, measured) in held {
-        let Some(image) = residual(sensor, pose, &landmark.centre, measured)
-            .and_then(|centre| landmark.image(&centre, |at| residual(sensor, pose, at, measured)))
-        else {
-            return Ok(f64::NEG_INFINITY);
-        };
-        let covariance = symmetric(&(image.covariance + noise));
-        sum += Factor::definite(&covariance, "innovation")?.log_density(&image.mean);
-    }
-    Ok(sum)
 }
 
 /// z - h(s, landmark).

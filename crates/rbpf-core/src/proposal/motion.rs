@@ -1,6 +1,7 @@
 //! The conventional filter: draw from the motion model, weigh by the likelihood.
 
-use super::{log_likelihood, standard_normal};
+use super::likelihood::log_likelihood;
+use super::standard_normal;
 use crate::error::RbpfError;
 use crate::factor::Factor;
 use crate::filter::Proposal;

@@ -9,15 +9,16 @@
 //! ```
 //!
 //! starting at the motion prior (s^, Q) and iterated about the posterior just found, always with
-//! the prior (s^, Q). The sigma points of the pose are drawn once an iteration and those of a landmark once
+//! the prior (s^, Q). The covariance of the pose is factorised once an iteration and that of a landmark once
 //! a frame. Cost per particle and iteration: 2 D + 2 K + 1 predictions and one M x M factor a match.
 
-use super::{checked_noise, draw_tangent, held_points, residual, sampled_log_likelihood};
+use super::likelihood::{held_spreads, sampled_log_likelihood};
+use super::{checked_noise, draw_tangent, residual};
 use crate::error::RbpfError;
 use crate::factor::{Factor, symmetric};
 use crate::filter::Proposal;
 use crate::models::{Frame, MotionModel, ObservationModel, PoseAndMap};
-use crate::sigma::SigmaPoints;
+use crate::unscented::Spread;
 use nalgebra::{SMatrix, SVector};
 use rand_chacha::ChaCha8Rng;
 
@@ -55,7 +56,7 @@ where
         let prior = Factor::definite(&predicted.covariance, "motion model")?;
         let prior_information = symmetric(&prior.solve(&SMatrix::identity()));
         let noise = checked_noise(sensor)?;
-        let held = held_points(particle, &frame.measurements)?;
+        let held = held_spreads(particle, &frame.measurements)?;
 
         // q = N(mean, information^-1) in the tangent at the predicted pose
         let mut mean = SVector::<f64, D>::zeros();
@@ -66,24 +67,21 @@ where
                 let covariance = symmetric(&information.solve(&SMatrix::identity()));
                 root = Factor::definite(&covariance, "pose proposal")?;
             }
-            let poses = SigmaPoints::new(&mean, &root).moved(pose_at);
-            let pose = &poses.centre;
+            let about = Spread { mean, root };
+            let pose = pose_at(&mean);
             // in u with t = mean + L u the prior about the present estimate is linear in u
             let mut sum = root.lower().transpose() * prior_information * root.lower();
             let mut vector = -(root.lower().transpose() * (prior_information * mean));
             for (landmark, measured) in &held {
-                let position = &landmark.centre;
-                let Some(centre) = residual(sensor, pose, position, measured) else {
-                    continue;
-                };
+                let position = &landmark.mean;
                 let (Some(of_pose), Some(of_landmark)) = (
-                    poses.image(&centre, |pose| residual(sensor, pose, position, measured)),
-                    landmark.image(&centre, |at| residual(sensor, pose, at, measured)),
+                    about.through(|t| residual(sensor, &pose_at(t), position, measured))?,
+                    landmark.through(|at| residual(sensor, &pose, at, measured))?,
                 ) else {
                     continue;
                 };
                 // residual ~ mean + slope u
-                let slope = of_pose.whitened_slope;
+                let slope = of_pose.cross_covariance.transpose();
                 let curvature = of_pose.covariance - slope * slope.transpose();
                 let noise = symmetric(&(noise + of_landmark.covariance + curvature));
                 let weighted = Factor::definite(&noise, "innovation")?
