@@ -70,6 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Filter::UnscentedLandmarks,
         Filter::UnscentedPoses,
         Filter::Unscented,
+        Filter::Moved,
     ] {
         let start = Instant::now();
         let mut error = 0.0;
