@@ -15,7 +15,7 @@
 //! 9. [`models`]: what is asked of a robot and its sensor, by traits of one to three methods;
 //! 10. [`proposal`]: from the motion model, extended, unscented, with exact weights;
 //! 11. [`landmark_filter`] and [`landmark_particle`]: the landmarks of a particle and their update;
-//! 12. [`range_bearing`]: a planar sensor and two vehicles, ready to use;
+//! 12. [`range_bearing`] and [`vehicles`]: a planar sensor and two vehicles, ready to use;
 //! 13. `association`: scans without ids, named by each particle.
 //!
 //! Everything unscented, and with it `MotionProposal` and `association`, whose likelihoods are by sigma points, is
@@ -44,6 +44,7 @@ pub mod range_bearing;
 pub mod rejuvenation;
 pub mod resampling;
 pub mod streams;
+pub mod vehicles;
 
 mod factor;
 #[cfg(feature = "ukf")]
@@ -76,11 +77,12 @@ pub use particle_set::ParticleSet;
 pub use proposal::{ExtendedProposal, Linearisation, linearised_log_likelihood};
 #[cfg(feature = "ukf")]
 pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
-pub use range_bearing::{Bicycle, Command, Deviation, Propagation, RangeBearing, Unicycle};
+pub use range_bearing::RangeBearing;
 #[cfg(feature = "es-evolve")]
 pub use rejuvenation::{InverseMotion, MovablePose, MoveError, MovePoses};
 pub use resampling::{Resampler, resample};
 pub use streams::{Purpose, Streams};
+pub use vehicles::{Bicycle, Command, Deviation, Propagation, Unicycle};
 
 #[cfg(all(doctest, feature = "ukf"))]
 #[doc = include_str!("../README.md")]
