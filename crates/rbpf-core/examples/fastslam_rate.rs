@@ -1,6 +1,6 @@
 //! Landmark updates per second on the first setting of `kim2008`.
 //!
-//! `cargo run --release -p rbpf-core --no-default-features --features ukf --example fastslam_rate -- 100`
+//! `cargo run --release -p rbpf-core --no-default-features --features ukf,es-evolve --example fastslam_rate -- 100`
 //!
 //! One line a filter: updates (particles times measurements of landmarks already in the map), seconds for the
 //! whole run (prediction at 40 Hz, proposal, weights, resampling, maps), updates per second. With a
