@@ -14,7 +14,7 @@ use crate::cholesky::{Cholesky, check_symmetric};
 use crate::error::{Step, UkfError};
 use crate::manifold::Manifold;
 use crate::sigma_points::SigmaPoints;
-use crate::transform::unscented_transform;
+use crate::transform::Images;
 use crate::update::{symmetric, unscented_correction};
 use nalgebra::{SMatrix, SVector};
 
@@ -79,17 +79,18 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// new mean).
     ///
     /// # Errors
-    /// As [`unscented_transform`], and if the predicted covariance is not positive semidefinite.
+    /// As [`crate::unscented_transform`], and if the predicted covariance is not positive semidefinite.
     /// The state is then unchanged.
     pub fn predict(
         &mut self,
         process_noise: &SMatrix<f64, L, L>,
-        function: impl FnMut(&X) -> X,
+        mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
         check_symmetric(process_noise, Step::Prediction)?;
-        let mut moved = unscented_transform(&self.mean, &self.covariance, &self.set, function)?;
-        moved.covariance += process_noise;
-        self.move_to(moved.mean, &moved.covariance)
+        let root = Cholesky::semidefinite(&self.covariance, Step::SigmaPoints)?;
+        let images = Images::new(&self.mean, root.lower(), &self.set, &mut function)?;
+        let covariance = images.covariance(&self.set) + process_noise;
+        self.move_to(images.mean, &covariance)
     }
 
     /// Takes in a measurement z = h(x) + noise of covariance `measurement_noise`.

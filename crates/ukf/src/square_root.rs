@@ -128,7 +128,8 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
         let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
         for index in 1..self.set.count() {
             let weight = self.set.covariance_weight(index);
-            cross_covariance += tangent(index) * images.difference(index).transpose() * weight;
+            let weighted = images.difference(index) * weight;
+            cross_covariance.ger(1.0, &tangent(index), &weighted, 1.0);
         }
         let gain = root.solve(&cross_covariance.transpose()).transpose();
         // the noise first: K N has M columns

@@ -52,14 +52,13 @@ where
 {
     let root = Cholesky::semidefinite(covariance, Step::SigmaPoints)?;
     let images = Images::new(mean, root.lower(), set, &mut function)?;
-    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
     let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
     for index in 0..set.count() {
-        let difference = images.difference(index);
-        let weighted = difference.transpose() * set.covariance_weight(index);
-        image_covariance += difference * weighted;
-        cross_covariance += set.tangent(root.lower(), index) * weighted;
+        // in place: no matrix for each point
+        let weighted = images.difference(index) * set.covariance_weight(index);
+        cross_covariance.ger(1.0, &set.tangent(root.lower(), index), &weighted, 1.0);
     }
+    let image_covariance = images.covariance(set);
     Ok(Transformed {
         mean: images.mean,
         covariance: image_covariance,
@@ -110,6 +109,17 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
     /// From the mean of the values to the value at point `index`.
     pub(crate) fn difference(&self, index: usize) -> SVector<f64, M> {
         self.mean.local(self.at(index))
+    }
+
+    /// Their covariance about the mean.
+    pub(crate) fn covariance(&self, set: &SigmaPoints<L>) -> SMatrix<f64, M, M> {
+        let mut covariance = SMatrix::<f64, M, M>::zeros();
+        for index in 0..set.count() {
+            let difference = self.difference(index);
+            let weighted = difference * set.covariance_weight(index);
+            covariance.ger(1.0, &difference, &weighted, 1.0);
+        }
+        covariance
     }
 
     fn at(&self, index: usize) -> &Y {
