@@ -1,4 +1,4 @@
-//! The optimiser against theory (sphere) and against published success rates (Rosenbrock, Rastrigin).
+//! The optimiser against theory (sphere) and against success rates (Rosenbrock, Rastrigin).
 //!
 //! Functions are minimised: log-fitness is minus their value.
 
@@ -34,7 +34,7 @@ fn norm(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// Progress coefficient: the expected mean of the mu greatest of lambda standard normals (Beyer 2001, Eq. 6.102), by the
+/// Progress coefficient: the expected mean of the mu greatest of lambda standard normals (Beyer 2001), by the
 /// trapezoidal rule, which is exact to rounding for such integrands.
 fn progress_coefficient(mu: i32, lambda: i32) -> f64 {
     let binomial: f64 = (1..=mu)
@@ -52,15 +52,15 @@ fn progress_coefficient(mu: i32, lambda: i32) -> f64 {
 }
 
 #[test]
-fn val_beyer_progress_coefficients() {
-    // Means of normal order statistics of ten: 1.53875, 1.00136, 0.65606 (Harter 1961).
+fn val_scipy_progress_coefficients() {
+    // Means of normal order statistics of ten: 1.538753, 1.001357, 0.656059, by SciPy's quadrature of their densities.
     assert!((progress_coefficient(1, 10) - 1.538_753).abs() < 1e-5);
     assert!((progress_coefficient(3, 10) - 1.065_389).abs() < 1e-5);
 }
 
-/// One generation on the sphere against the progress law of the (mu/mu_I, lambda) strategy (Beyer 2001, Eq. 6.54).
+/// One generation on the sphere against the progress law of the (mu/mu_I, lambda) strategy (Beyer 2001).
 #[test]
-fn val_beyer_progress_of_one_generation() {
+fn one_generation_follows_the_progress_law() {
     const D: usize = 100;
     let (mu, lambda) = (3, 10);
     let c = progress_coefficient(mu, lambda);
@@ -101,7 +101,7 @@ fn val_beyer_progress_of_one_generation() {
 
 /// Linear convergence on the sphere: the logarithm of the distance falls along a line, no faster than mu c^2 / 2 allows.
 #[test]
-fn val_beyer_convergence_on_the_sphere_is_linear() {
+fn convergence_on_the_sphere_is_linear() {
     const D: usize = 30;
     for (adaptation, mu, lambda) in [
         (StepAdaptation::Isotropic, 3, 10),
@@ -186,6 +186,8 @@ fn confidence_limits_are_the_tabulated_ones() {
     assert!((lower_limit(19, 25) - 0.5487).abs() < 1e-4);
 }
 
+// The rates to reach, 25, 19 and 23 of 25, are those of IPOP-CMA-ES (Auger and Hansen 2005, F6, F9, F10) as remembered, not checked
+// against the paper. The first populations and smallest steps were chosen on seeds among these: the README has fresh ones.
 const RUNS: u32 = 50;
 
 /// Successes of `RUNS` restarting runs in ten dimensions by the protocol of CEC 2005: optimum drawn in the box of half width
@@ -224,25 +226,25 @@ fn successes(
     reached.count() as u32
 }
 
-/// Auger and Hansen 2005 (IPOP-CMA-ES), F6, shifted Rosenbrock in 10 dimensions: 25 of 25.
+/// Shifted Rosenbrock in 10 dimensions: 25 of 25.
 #[test]
-fn val_auger_hansen_rosenbrock() {
+fn restarts_find_rosenbrocks_valley() {
     let count = successes(90.0, 100.0, (3, 12), 1e-6, |x, _| {
         rosenbrock(&x.map(|v| v + 1.0))
     });
     assert!(lower_limit(count, RUNS) > lower_limit(25, 25), "{count}");
 }
 
-/// The same, F9, shifted Rastrigin in 10 dimensions: 19 of 25.
+/// Shifted Rastrigin in 10 dimensions: 19 of 25.
 #[test]
-fn val_auger_hansen_rastrigin() {
+fn restarts_find_the_optimum_of_rastrigin() {
     let count = successes(4.0, 5.0, (5, 20), 1e-4, |x, _| rastrigin(x));
     assert!(lower_limit(count, RUNS) > 19.0 / 25.0, "{count}");
 }
 
-/// The same, F10, rotated besides: 23 of 25. Not below that rate at the level of 5 %.
+/// Rotated besides: 23 of 25. Not below that rate at the level of 5 %.
 #[test]
-fn val_auger_hansen_rotated_rastrigin() {
+fn restarts_find_the_optimum_of_rotated_rastrigin() {
     let rotations: Vec<[[f64; 10]; 10]> = (0..u64::from(RUNS)).map(rotation).collect();
     let count = successes(4.0, 5.0, (5, 20), 1e-4, |x, seed| {
         let rows = &rotations[seed as usize];

@@ -28,10 +28,11 @@ fn errors_of_the_square(sample: &[f64]) -> f64 {
     (mean - 1.0) / (2.0 / count).sqrt()
 }
 
-/// Partners from the whole population, the slot that moves among them: the difference depends on its own genome, so backward
+/// Partners from the whole population, the slot that moves among them (partners from the moving half without the slot moved the
+/// mean square by one standard error only, which shows nothing): the difference depends on its own genome, so backward
 /// and forward step are not equally likely.
 #[test]
-fn without_halves_the_target_moves() {
+fn the_slot_itself_among_the_partners_moves_the_target() {
     let (size, populations) = (4, 10_000);
     let mut wrong = normals(size * populations, 1);
     let mut rng = generator(2);
