@@ -8,12 +8,14 @@
 
 use crate::descriptor::{Frame, describe};
 use crate::error::SiftError;
-use crate::extrema;
+use crate::extrema::{self, Sample};
 use crate::image::GrayImage;
 use crate::orientation::{Orientations, orientations};
 use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
 use crate::refine::{ScalePoint, refine};
-use crate::scale_space::{Kernels, ScaleSpace};
+use crate::kernel::Kernels;
+use crate::scale_space::ScaleSpace;
+use crate::simd::SimdLevel;
 use crate::threads::for_each_indexed;
 
 /// Rows of one parallel task of the extremum search.
@@ -47,7 +49,7 @@ pub struct Features {
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scale_space: ScaleSpace,
-    blocks: Vec<Vec<ScalePoint>>,
+    blocks: Vec<RowBlock>,
     points: Vec<OctavePoint>,
     orientations: Vec<Orientations>,
     oriented: Vec<OrientedPoint>,
@@ -64,15 +66,31 @@ impl Workspace {
     #[must_use]
     pub fn memory_usage(&self) -> usize {
         self.scale_space.memory_usage()
-            + self.blocks.capacity() * size_of::<Vec<ScalePoint>>()
+            + self.blocks.capacity() * size_of::<RowBlock>()
             + self
                 .blocks
                 .iter()
-                .map(|b| b.capacity() * size_of::<ScalePoint>())
+                .map(RowBlock::memory_usage)
                 .sum::<usize>()
             + self.points.capacity() * size_of::<OctavePoint>()
             + self.orientations.capacity() * size_of::<Orientations>()
             + self.oriented.capacity() * size_of::<OrientedPoint>()
+    }
+}
+
+/// What one parallel task of the extremum search works on.
+#[derive(Debug, Clone, Default)]
+struct RowBlock {
+    scratch: Vec<f32>,
+    candidates: Vec<Sample>,
+    points: Vec<ScalePoint>,
+}
+
+impl RowBlock {
+    fn memory_usage(&self) -> usize {
+        self.scratch.capacity() * size_of::<f32>()
+            + self.candidates.capacity() * size_of::<Sample>()
+            + self.points.capacity() * size_of::<ScalePoint>()
     }
 }
 
@@ -106,6 +124,7 @@ struct OrientedPoint {
 pub struct Detector {
     params: SiftParams,
     kernels: Kernels,
+    simd: SimdLevel,
 }
 
 impl Detector {
@@ -116,7 +135,24 @@ impl Detector {
     pub fn new(params: SiftParams) -> Result<Self, SiftError> {
         params.check()?;
         let kernels = Kernels::new(&params);
-        Ok(Self { params, kernels })
+        Ok(Self {
+            params,
+            kernels,
+            simd: SimdLevel::best(),
+        })
+    }
+
+    /// The same detector on another instruction set; the results are equal bit for bit. For tests and measurements.
+    #[must_use]
+    pub fn with_simd(mut self, simd: SimdLevel) -> Self {
+        self.simd = simd;
+        self
+    }
+
+    /// The instruction set in use.
+    #[must_use]
+    pub fn simd(&self) -> SimdLevel {
+        self.simd
     }
 
     /// The parameters given.
@@ -156,37 +192,36 @@ impl Detector {
         } = workspace;
         let min_contrast = self.params.min_contrast();
         points.clear();
-        scale_space.start(image, &self.params);
+        scale_space.start(self.simd, image, &self.params);
         for octave in 0..scale_space.octaves() {
-            scale_space.build_octave(octave, &self.kernels);
-            let differences = scale_space.differences();
-            let height = differences[0].height();
+            scale_space.build_octave(self.simd, octave, &self.kernels);
+            let differences = scale_space.differences(octave);
+            let height = differences.height();
             let used = height.div_ceil(BLOCK_ROWS);
             if blocks.len() < used {
-                blocks.resize_with(used, Vec::new);
+                blocks.resize_with(used, RowBlock::default);
             }
             for_each_indexed(&mut blocks[..used], |block, found| {
-                found.clear();
-                let rows = block * BLOCK_ROWS..((block + 1) * BLOCK_ROWS).min(height);
+                found.candidates.clear();
+                found.points.clear();
                 extrema::scan(
+                    self.simd,
                     differences,
-                    rows,
+                    block * BLOCK_ROWS..((block + 1) * BLOCK_ROWS).min(height),
                     PREFILTER_SHARE * min_contrast,
-                    |sample| {
-                        found.extend(refine(
-                            differences,
-                            sample,
-                            min_contrast,
-                            self.params.edge_ratio,
-                        ));
-                    },
+                    &mut found.scratch,
+                    &mut found.candidates,
                 );
+                let refined = found.candidates.iter().filter_map(|&sample| {
+                    refine(differences, sample, min_contrast, self.params.edge_ratio)
+                });
+                found.points.extend(refined);
             });
             let first = points.len();
             points.extend(
                 blocks[..used]
                     .iter()
-                    .flatten()
+                    .flat_map(|block| &block.points)
                     .map(|&point| OctavePoint { octave, point }),
             );
             points[first..].sort_unstable_by_key(|p| p.point.sample);
@@ -219,6 +254,7 @@ impl Detector {
             let OctavePoint { octave, point } = points[i];
             let plane = scale_space.gaussian(octave, point.sample.level);
             *out = orientations(
+                self.simd,
                 plane,
                 point.x,
                 point.y,
@@ -282,7 +318,11 @@ impl Detector {
                 sigma,
                 angle,
             };
-            *descriptor = describe(scale_space.gaussian(octave, point.sample.level), frame);
+            *descriptor = describe(
+                self.simd,
+                scale_space.gaussian(octave, point.sample.level),
+                frame,
+            );
         });
     }
 }

@@ -7,13 +7,12 @@
 //! may be equal. A plateau of equal samples so gives one candidate, not none and not many; a blob centred exactly
 //! between two samples is found.
 //!
-//! Cost: 4 comparisons a sample for almost all samples, 26 for the few that are extreme within their row and column.
+//! The differences of three rows of all levels are kept at a time, sixteen samples are compared side by side: most
+//! vectors fall at the threshold or at the eight neighbours in their plane, few are compared with the levels beside.
 
-use crate::image::Plane;
 use crate::params::BORDER;
-
-/// Samples compared side by side.
-const LANES: usize = 16;
+use crate::scale_space::Differences;
+use crate::simd::{Body, LANES, Lanes, SimdLevel, load, store};
 
 /// A sample of the current octave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,123 +22,227 @@ pub(crate) struct Sample {
     pub(crate) x: usize,
 }
 
-/// Calls `found` for each candidate of rows `rows` (octave pixels) with `|D| > threshold`, in the order level, row,
-/// column. Rows within [`BORDER`] of the edge are skipped.
+/// Appends to `found` each candidate of rows `rows` (octave pixels) with `|D| > threshold`, row by row. Rows and columns
+/// within [`BORDER`] of the edge are skipped. `scratch` is grown as needed.
 pub(crate) fn scan(
-    differences: &[Plane],
+    simd: SimdLevel,
+    differences: Differences<'_>,
     rows: std::ops::Range<usize>,
     threshold: f32,
-    mut found: impl FnMut(Sample),
+    scratch: &mut Vec<f32>,
+    found: &mut Vec<Sample>,
 ) {
-    let (width, height) = (differences[0].width(), differences[0].height());
-    let rows = rows.start.max(BORDER)..rows.end.min(height - BORDER);
-    for level in 1..differences.len() - 1 {
-        for y in rows.clone() {
-            scan_row(&differences[level], y, width, threshold, |x| {
-                let sample = Sample { level, y, x };
-                if is_extremum(differences, sample) {
-                    found(sample);
-                }
-            });
-        }
+    let rows = rows.start.max(BORDER)..rows.end.min(differences.height() - BORDER);
+    if rows.is_empty() {
+        return;
     }
+    let needed = differences.levels() * RING * row_length(differences.width());
+    if scratch.len() < needed {
+        scratch.resize(needed, 0.0);
+    }
+    simd.run(Scan {
+        differences,
+        rows,
+        threshold,
+        scratch: &mut scratch[..needed],
+        found,
+    });
 }
 
-/// Columns of one row where the sample passes the threshold and is extreme among its four neighbours in the plane.
-fn scan_row(plane: &Plane, y: usize, width: usize, threshold: f32, mut found: impl FnMut(usize)) {
-    let (above, row, below) = (plane.row(y - 1), plane.row(y), plane.row(y + 1));
-    let end = width - BORDER;
-    let mut x = BORDER;
-    while x + LANES <= end {
-        let chunk = |values: &'_ [f32], from: usize| -> [f32; LANES] {
-            *values[from..]
-                .first_chunk()
-                .expect("the run ends inside the row")
-        };
-        let (c, l, r) = (chunk(row, x), chunk(row, x - 1), chunk(row, x + 1));
-        let (u, d) = (chunk(above, x), chunk(below, x));
-        let mut hits = [0_u32; LANES];
-        for i in 0..LANES {
-            hits[i] = u32::from(extreme_of_five(c[i], l[i], r[i], u[i], d[i], threshold));
-        }
-        if hits.iter().fold(0, |a, h| a | h) != 0 {
-            for (i, hit) in hits.iter().enumerate() {
-                if *hit != 0 {
-                    found(x + i);
-                }
-            }
-        }
-        x += LANES;
-    }
-    for x in x..end {
-        if extreme_of_five(
-            row[x],
-            row[x - 1],
-            row[x + 1],
-            above[x],
-            below[x],
+/// Rows of differences kept of each level.
+const RING: usize = 3;
+
+/// A kept row has one vector before it and one after it, so that its neighbours can be read everywhere.
+fn row_length(width: usize) -> usize {
+    width.next_multiple_of(LANES) + 2 * LANES
+}
+
+struct Scan<'a> {
+    differences: Differences<'a>,
+    rows: std::ops::Range<usize>,
+    threshold: f32,
+    scratch: &'a mut [f32],
+    found: &'a mut Vec<Sample>,
+}
+
+impl Body for Scan<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Self {
+            differences,
+            rows,
             threshold,
-        ) {
-            found(x);
-        }
-    }
-}
-
-/// Branch-free, so that runs of it become vector code.
-#[inline(always)]
-fn extreme_of_five(c: f32, l: f32, r: f32, u: f32, d: f32, threshold: f32) -> bool {
-    let high = (c > threshold) & (c >= l) & (c >= r) & (c >= u) & (c >= d);
-    let low = (c < -threshold) & (c <= l) & (c <= r) & (c <= u) & (c <= d);
-    high | low
-}
-
-/// The full test against 26 neighbours with the tie rule of the module.
-fn is_extremum(differences: &[Plane], sample: Sample) -> bool {
-    let value = differences[sample.level].at(sample.x, sample.y);
-    // A minimum of D is a maximum of -D.
-    let sign = if value > 0.0 { 1.0 } else { -1.0 };
-    let value = sign * value;
-    let mut before = true;
-    for level in sample.level - 1..=sample.level + 1 {
-        for y in sample.y - 1..=sample.y + 1 {
-            let row = differences[level].row(y);
-            for x in sample.x - 1..=sample.x + 1 {
-                let neighbour = row[x];
-                if (Sample { level, y, x }) == sample {
-                    before = false;
-                    continue;
-                }
-                let neighbour = sign * neighbour;
-                if neighbour > value || (before && neighbour == value) {
-                    return false;
+            scratch,
+            found,
+        } = self;
+        let (width, levels) = (differences.width(), differences.levels());
+        let length = row_length(width);
+        subtract_row::<L>(differences, rows.start - 1, scratch, length);
+        subtract_row::<L>(differences, rows.start, scratch, length);
+        for y in rows {
+            subtract_row::<L>(differences, y + 1, scratch, length);
+            let row = |level: usize, y: usize| {
+                &scratch[(level * RING + y % RING) * length..][..length]
+            };
+            for level in 1..levels - 1 {
+                let plane = |level: usize| [row(level, y - 1), row(level, y), row(level, y + 1)];
+                let (below, here, above) = (plane(level - 1), plane(level), plane(level + 1));
+                for x in (0..width).step_by(LANES) {
+                    let mut bits = extrema_at::<L>(below, here, above, LANES + x, threshold);
+                    while bits != 0 {
+                        let column = x + bits.trailing_zeros() as usize;
+                        if (BORDER..width - BORDER).contains(&column) {
+                            found.push(Sample {
+                                level,
+                                y,
+                                x: column,
+                            });
+                        }
+                        bits &= bits - 1;
+                    }
                 }
             }
         }
     }
-    true
+}
+
+/// Row `y` of the differences of all levels into its place of the ring.
+#[inline(always)]
+fn subtract_row<L: Lanes>(
+    differences: Differences<'_>,
+    y: usize,
+    scratch: &mut [f32],
+    length: usize,
+) {
+    let gaussians = differences.0;
+    for level in 0..differences.levels() {
+        let out = &mut scratch[(level * RING + y % RING) * length + LANES..];
+        let (fine, coarse) = (
+            gaussians[level].padded_row(y),
+            gaussians[level + 1].padded_row(y),
+        );
+        for x in (0..fine.len()).step_by(LANES) {
+            store(load::<L>(coarse, x).sub(load(fine, x)), out, x);
+        }
+    }
+}
+
+/// Which of the samples at `x..x + LANES` of the middle row of the middle level are extrema; the tie rule of the module.
+#[inline(always)]
+fn extrema_at<L: Lanes>(
+    below: [&[f32]; 3],
+    here: [&[f32]; 3],
+    above: [&[f32]; 3],
+    x: usize,
+    threshold: f32,
+) -> u16 {
+    let value = load::<L>(here[1], x);
+    let high = value.greater(L::splat(threshold));
+    let low = L::splat(-threshold).greater(value);
+    if L::bits(L::or(high, low)) == 0 {
+        return 0;
+    }
+    let (up, down) = (three::<L>(here[0], x), three::<L>(here[2], x));
+    let (left, right) = (load::<L>(here[1], x - 1), load::<L>(here[1], x + 1));
+    let high = L::and(
+        high,
+        L::and(
+            value.greater(largest(up).max(left)),
+            value.greater_or_equal(largest(down).max(right)),
+        ),
+    );
+    let low = L::and(
+        low,
+        L::and(
+            smallest(up).min(left).greater(value),
+            smallest(down).min(right).greater_or_equal(value),
+        ),
+    );
+    if L::bits(L::or(high, low)) == 0 {
+        return 0;
+    }
+    let below = nine::<L>(below, x);
+    let above = nine::<L>(above, x);
+    let high = L::and(
+        high,
+        L::and(
+            value.greater(below.0),
+            value.greater_or_equal(above.0),
+        ),
+    );
+    let low = L::and(
+        low,
+        L::and(
+            below.1.greater(value),
+            above.1.greater_or_equal(value),
+        ),
+    );
+    L::bits(L::or(high, low))
+}
+
+#[inline(always)]
+fn three<L: Lanes>(row: &[f32], x: usize) -> [L; 3] {
+    [load(row, x - 1), load(row, x), load(row, x + 1)]
+}
+
+#[inline(always)]
+fn largest<L: Lanes>([a, b, c]: [L; 3]) -> L {
+    a.max(b).max(c)
+}
+
+#[inline(always)]
+fn smallest<L: Lanes>([a, b, c]: [L; 3]) -> L {
+    a.min(b).min(c)
+}
+
+/// Largest and smallest of the nine samples around and at `x`.
+#[inline(always)]
+fn nine<L: Lanes>([up, middle, down]: [&[f32]; 3], x: usize) -> (L, L) {
+    let (up, middle, down) = (
+        three::<L>(up, x),
+        three::<L>(middle, x),
+        three::<L>(down, x),
+    );
+    (
+        largest([largest(up), largest(middle), largest(down)]),
+        smallest([smallest(up), smallest(middle), smallest(down)]),
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
 
-    /// Five flat planes of 40 x 30 with some samples set.
+    /// Gaussian levels whose differences are five flat planes of 40 x 30 with some samples set.
     fn planes(samples: &[(Sample, f32)]) -> Vec<Plane> {
-        let mut planes = vec![Plane::default(); 5];
+        let mut planes = vec![Plane::default(); 6];
         for plane in &mut planes {
             plane.resize(40, 30);
         }
         for (s, value) in samples {
-            planes[s.level].row_mut(s.y)[s.x] = *value;
+            for plane in &mut planes[s.level + 1..] {
+                plane.row_mut(s.y)[s.x] += *value;
+            }
         }
         planes
     }
 
+    /// What is found, the same on every level, in order.
     fn found(samples: &[(Sample, f32)]) -> Vec<Sample> {
         let planes = planes(samples);
-        let mut found = Vec::new();
-        for rows in [0..16, 16..30] {
-            scan(&planes, rows, 0.1, |s| found.push(s));
+        let run = |simd| {
+            let mut found = Vec::new();
+            for rows in [0..16, 16..30] {
+                scan(simd, Differences(&planes), rows, 0.1, &mut Vec::new(), &mut found);
+            }
+            found
+        };
+        let found = run(SimdLevel::PORTABLE);
+        for level in SimdLevel::available() {
+            assert_eq!(run(level), found, "{level}");
         }
         found
     }

@@ -7,6 +7,7 @@
 
 use crate::error::SiftError;
 use crate::params::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
+use crate::simd::LANES;
 
 /// A borrowed 8-bit grey image.
 ///
@@ -104,20 +105,34 @@ impl<'a> TryFrom<&'a image::GrayImage> for GrayImage<'a> {
     }
 }
 
-/// One `f32` level of the pyramid, rows contiguous.
+/// Bytes of a cache line: rows begin on one, so that no vector of a row straddles two.
+const LINE_BYTES: usize = 64;
+
+/// Samples after the last row, so that a vector beginning at any sample of it can be read.
+const TAIL: usize = 2 * LANES;
+
+/// One `f32` level of the pyramid. Each row is followed by padding up to a multiple of [`LANES`] samples, whose values
+/// are finite but mean nothing.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Plane {
     width: usize,
     height: usize,
+    stride: usize,
+    /// The first row begins here, on a cache line where the allocation allows it.
+    start: usize,
     data: Vec<f32>,
 }
 
 impl Plane {
     /// Takes a new size; the contents are then unspecified. Allocates only to grow.
     pub(crate) fn resize(&mut self, width: usize, height: usize) {
+        let spare = LINE_BYTES / size_of::<f32>();
         self.width = width;
         self.height = height;
-        self.data.resize(width * height, 0.0);
+        self.stride = width.next_multiple_of(LANES);
+        self.data.resize(self.stride * height + spare + TAIL, 0.0);
+        let start = self.data.as_ptr().align_offset(LINE_BYTES);
+        self.start = if start < spare { start } else { 0 };
     }
 
     pub(crate) fn width(&self) -> usize {
@@ -128,20 +143,46 @@ impl Plane {
         self.height
     }
 
+    /// Samples from row to row, padding included.
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
+    }
+
     pub(crate) fn row(&self, y: usize) -> &[f32] {
-        &self.data[y * self.width..(y + 1) * self.width]
+        &self.padded_row(y)[..self.width]
     }
 
+    /// Row `y` with its padding.
+    #[inline(always)]
+    pub(crate) fn padded_row(&self, y: usize) -> &[f32] {
+        &self.data[self.start + y * self.stride..][..self.stride]
+    }
+
+    #[cfg(test)]
     pub(crate) fn row_mut(&mut self, y: usize) -> &mut [f32] {
-        &mut self.data[y * self.width..(y + 1) * self.width]
+        &mut self.data[self.start + y * self.stride..][..self.width]
     }
 
-    pub(crate) fn data_mut(&mut self) -> &mut [f32] {
-        &mut self.data
+    /// All rows with their padding: `stride * height` samples.
+    pub(crate) fn samples(&self) -> &[f32] {
+        &self.data[self.start..][..self.stride * self.height]
     }
 
+    /// All rows with their padding: `stride * height` samples.
+    pub(crate) fn samples_mut(&mut self) -> &mut [f32] {
+        &mut self.data[self.start..][..self.stride * self.height]
+    }
+
+    /// Everything from sample `(x, y)` on: the row, its padding, the rows below; at least [`LANES`] samples from any
+    /// sample of the plane or the one after a row's end.
+    #[inline(always)]
+    pub(crate) fn from(&self, x: usize, y: usize) -> &[f32] {
+        &self.data[self.start + y * self.stride + x..]
+    }
+
+    #[inline]
     pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
-        self.data[y * self.width + x]
+        self.data[self.start + y * self.stride + x]
     }
 
     /// Bytes held, whether in use or spare.

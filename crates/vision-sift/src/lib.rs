@@ -23,7 +23,12 @@
 
 pub mod params;
 
+mod simd;
+
 mod image;
+
+mod blur;
+mod kernel;
 mod scale_space;
 
 mod extrema;
@@ -42,6 +47,7 @@ pub use detector::{Detector, Features, Keypoint, Workspace, detect};
 pub use error::SiftError;
 pub use image::GrayImage;
 pub use params::SiftParams;
+pub use simd::SimdLevel;
 
 /// Compiles the README's code.
 #[doc = include_str!("../README.md")]

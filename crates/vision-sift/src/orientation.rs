@@ -12,17 +12,27 @@
 
 use std::f32::consts::TAU;
 
-use crate::gradient::{RUN, polar_run};
+use crate::gradient::{WindowTable, atan2, falloff, length};
 use crate::image::Plane;
 use crate::params::{
     ORIENTATION_BINS, ORIENTATION_PEAK_RATIO, ORIENTATION_REACH_SIGMAS, ORIENTATION_SIGMA_FACTOR,
 };
+use crate::simd::{Body, LANES, Lanes, SimdLevel};
 
 /// At most every second bin can be a strict local maximum.
 const MAX_PEAKS: usize = ORIENTATION_BINS / 2;
 
 /// Longest row of the window: `base_sigma` 4 and one scale per octave give a radius of 55.
 const MAX_WINDOW: usize = 128;
+
+/// Partial histograms.
+const PARTS: usize = 4;
+
+/// Places of a partial histogram: a power of two above the number of bins, so that no index needs a check.
+const BIN_SLOTS: usize = 64;
+
+/// Adding `1.5 * 2^23` rounds to the nearest integer, ties to even, and leaves it in the low bits.
+const INDEX_ROUNDER: f32 = 12_582_912.0;
 
 /// The orientations of one point, in the order of the histogram bins.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +58,14 @@ impl Orientations {
 }
 
 /// Orientations at `(x, y)` of `plane`, a point of scale `sigma`; all in the pixels of the plane.
-pub(crate) fn orientations(plane: &Plane, x: f32, y: f32, sigma: f32) -> Orientations {
-    let histogram = smoothed(&gradient_histogram(plane, x, y, sigma));
+pub(crate) fn orientations(
+    simd: SimdLevel,
+    plane: &Plane,
+    x: f32,
+    y: f32,
+    sigma: f32,
+) -> Orientations {
+    let histogram = smoothed(&simd.run(GradientHistogram { plane, x, y, sigma }));
     let highest = histogram.iter().fold(0.0_f32, |a, &b| a.max(b));
     let mut result = Orientations::default();
     if highest <= 0.0 {
@@ -71,43 +87,63 @@ pub(crate) fn orientations(plane: &Plane, x: f32, y: f32, sigma: f32) -> Orienta
     result
 }
 
-fn gradient_histogram(plane: &Plane, x: f32, y: f32, sigma: f32) -> [f32; ORIENTATION_BINS] {
-    const BINS_PER_RADIAN: f32 = ORIENTATION_BINS as f32 / TAU;
-    let window_sigma = ORIENTATION_SIGMA_FACTOR * sigma;
-    let radius = ORIENTATION_REACH_SIGMAS * window_sigma;
-    let falloff = -0.5 / (window_sigma * window_sigma);
-    let (left, right) = window(x, radius, plane.width());
-    let (top, bottom) = window(y, radius, plane.height());
-    // The Gaussian separates: one exponential per column and per row.
-    let mut column_weights = [0.0; MAX_WINDOW + RUN];
-    for (weight, column) in column_weights.iter_mut().zip(left..=right) {
-        *weight = (falloff * (column as f32 - x).powi(2)).exp();
-    }
-    // One extra bin: an angle just below a whole turn rounds up to it.
-    let mut bins = [0.0; ORIENTATION_BINS + 1];
-    for row in top..=bottom {
-        let row_weight = (falloff * (row as f32 - y).powi(2)).exp();
-        for start in (left..=right).step_by(RUN) {
-            let count = RUN.min(right + 1 - start);
-            let run = polar_run(plane, start, row, count);
-            let weights = &column_weights[start - left..start - left + RUN];
-            let (mut index, mut value) = ([0_u32; RUN], [0.0; RUN]);
-            for i in 0..RUN {
-                value[i] = run.magnitude[i] * (row_weight * weights[i]);
-                let angle = if run.angle[i] < 0.0 {
-                    run.angle[i] + TAU
-                } else {
-                    run.angle[i]
-                };
-                index[i] = nearest(angle * BINS_PER_RADIAN);
-            }
-            for i in 0..count {
-                bins[(index[i] as usize).min(ORIENTATION_BINS)] += value[i];
+/// The histogram before smoothing. Four partial histograms take every fourth sample: samples beside one another mostly
+/// fall into one bin, and adding to the same place four times in a row would wait for itself.
+struct GradientHistogram<'a> {
+    plane: &'a Plane,
+    x: f32,
+    y: f32,
+    sigma: f32,
+}
+
+impl Body for GradientHistogram<'_> {
+    type Output = [f32; ORIENTATION_BINS];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [f32; ORIENTATION_BINS] {
+        let Self { plane, x, y, sigma } = self;
+        let window_sigma = ORIENTATION_SIGMA_FACTOR * sigma;
+        let radius = ORIENTATION_REACH_SIGMAS * window_sigma;
+        let scale = -0.5 / (window_sigma * window_sigma);
+        let (left, right) = window(x, radius, plane.width());
+        let (top, bottom) = window(y, radius, plane.height());
+        let columns = WindowTable::new::<L>(x, left, right, scale);
+        let mut bins = [[0.0; BIN_SLOTS]; PARTS];
+        for row in top..=bottom {
+            let dy = L::splat(row as f32 - y);
+            let row_factor = falloff(dy.mul(dy).mul(L::splat(scale)));
+            for start in (left..=right).step_by(LANES) {
+                let (gx, gy) = columns.gradients::<L>(plane, start, row, row_factor);
+                let count = LANES.min(right + 1 - start);
+                add::<L>(gx, gy, count, &mut bins);
             }
         }
+        std::array::from_fn(|i| {
+            // An angle just below a whole turn rounds up to the bin after the last.
+            let sum = |k: usize| (bins[0][k] + bins[1][k]) + (bins[2][k] + bins[3][k]);
+            if i == 0 {
+                sum(0) + sum(ORIENTATION_BINS)
+            } else {
+                sum(i)
+            }
+        })
     }
-    bins[0] += bins[ORIENTATION_BINS];
-    std::array::from_fn(|i| bins[i])
+}
+
+/// Adds the first `count` of a vector of gradients.
+#[inline(always)]
+fn add<L: Lanes>(gx: L, gy: L, count: usize, bins: &mut [[f32; BIN_SLOTS]; PARTS]) {
+    const BINS_PER_RADIAN: f32 = ORIENTATION_BINS as f32 / TAU;
+    let angle = atan2(gy, gx).mul(L::splat(BINS_PER_RADIAN));
+    let turn = L::splat(ORIENTATION_BINS as f32);
+    let angle = L::select(L::splat(0.0).greater(angle), angle.add(turn), angle);
+    let (mut index, mut weight) = ([0.0; LANES], [0.0; LANES]);
+    angle.add(L::splat(INDEX_ROUNDER)).store(&mut index);
+    length(gx, gy).store(&mut weight);
+    for i in 0..count {
+        let bin = index[i].to_bits() as usize % BIN_SLOTS;
+        bins[i % PARTS][bin] += weight[i];
+    }
 }
 
 /// First and last sample within `radius` of `centre` that have neighbours on both sides.
@@ -115,13 +151,6 @@ fn window(centre: f32, radius: f32, length: usize) -> (usize, usize) {
     let first = ((centre - radius).ceil().max(1.0) as usize).min(length - 2);
     let last = ((centre + radius).floor().max(1.0) as usize).min(length - 2);
     (first, last.min(first + MAX_WINDOW - 1))
-}
-
-/// The nearest integer of a value in `[0, 2^22)`, ties to even. Adding `1.5 * 2^23` leaves it in the low mantissa bits;
-/// unlike a cast this needs no range checks in vector code.
-#[inline(always)]
-pub(crate) fn nearest(value: f32) -> u32 {
-    (value + 12_582_912.0).to_bits() & 0x003f_ffff
 }
 
 fn smoothed(bins: &[f32; ORIENTATION_BINS]) -> [f32; ORIENTATION_BINS] {
@@ -149,12 +178,21 @@ mod tests {
         plane
     }
 
+    /// The orientations, the same on every level.
+    fn found_in(plane: &Plane, x: f32, y: f32, sigma: f32) -> Orientations {
+        let found = orientations(SimdLevel::PORTABLE, plane, x, y, sigma);
+        for level in SimdLevel::available() {
+            assert_eq!(orientations(level, plane, x, y, sigma), found, "{level}");
+        }
+        found
+    }
+
     #[test]
     fn a_ramp_points_uphill() {
         // All gradients fall into one bin: the peak is its centre, at most half a bin (5 degrees) away.
         for degrees in (0..360).step_by(7) {
             let angle = (degrees as f32).to_radians();
-            let found = orientations(&ramp(angle), 20.3, 18.6, 1.8);
+            let found = found_in(&ramp(angle), 20.3, 18.6, 1.8);
             assert_eq!(found.angles().len(), 1, "{degrees}");
             let error = (found.angles()[0] - angle + TAU * 1.5) % TAU - TAU * 0.5;
             assert!(
@@ -174,31 +212,18 @@ mod tests {
                 plane.row_mut(y)[x] = 0.01 * x.abs_diff(20) as f32;
             }
         }
-        let found = orientations(&plane, 20.0, 20.0, 2.0);
+        let found = found_in(&plane, 20.0, 20.0, 2.0);
         assert_eq!(found.angles().len(), 2);
         assert!(found.angles()[0] < 1e-3);
         assert!((found.angles()[1] - TAU / 2.0).abs() < 1e-3);
         // Moved off the ridge by one sigma the lesser side falls below 0.8.
-        assert_eq!(orientations(&plane, 22.0, 20.0, 2.0).angles().len(), 1);
+        assert_eq!(found_in(&plane, 22.0, 20.0, 2.0).angles().len(), 1);
     }
 
     #[test]
     fn a_flat_window_has_none() {
         let mut plane = Plane::default();
         plane.resize(30, 30);
-        assert!(orientations(&plane, 15.0, 15.0, 2.0).angles().is_empty());
-    }
-
-    #[test]
-    fn nearest_rounds() {
-        for (value, expected) in [
-            (0.0, 0),
-            (0.49, 0),
-            (0.51, 1),
-            (35.6, 36),
-            (4_000_000.0, 4_000_000),
-        ] {
-            assert_eq!(nearest(value), expected);
-        }
+        assert!(found_in(&plane, 15.0, 15.0, 2.0).angles().is_empty());
     }
 }

@@ -12,8 +12,8 @@
 //! (section 4.1; `det <= 0` is a saddle and rejected as well).
 
 use crate::extrema::Sample;
-use crate::image::Plane;
 use crate::params::{BORDER, MAX_REFINE_OFFSET, MAX_REFINE_STEPS};
+use crate::scale_space::Differences;
 
 /// A refined extremum in the coordinates of its octave.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,12 +32,12 @@ pub(crate) struct ScalePoint {
 
 /// Refines one candidate; `None` when it is rejected.
 pub(crate) fn refine(
-    differences: &[Plane],
+    differences: Differences<'_>,
     start: Sample,
     min_contrast: f32,
     edge_ratio: f32,
 ) -> Option<ScalePoint> {
-    let (width, height) = (differences[0].width(), differences[0].height());
+    let (width, height) = (differences.width(), differences.height());
     let mut sample = start;
     for _ in 0..MAX_REFINE_STEPS {
         let fit = Quadratic::at(differences, sample);
@@ -59,7 +59,7 @@ pub(crate) fn refine(
         sample = Sample {
             x: moved(sample.x, offset[0], BORDER, width - BORDER)?,
             y: moved(sample.y, offset[1], BORDER, height - BORDER)?,
-            level: moved(sample.level, offset[2], 1, differences.len() - 1)?,
+            level: moved(sample.level, offset[2], 1, differences.levels() - 1)?,
         };
     }
     None
@@ -79,29 +79,27 @@ struct Quadratic {
 }
 
 impl Quadratic {
-    fn at(differences: &[Plane], Sample { level, y, x }: Sample) -> Self {
-        let (below, here, above) = (
-            &differences[level - 1],
-            &differences[level],
-            &differences[level + 1],
-        );
-        let value = here.at(x, y);
+    fn at(differences: Differences<'_>, Sample { level, y, x }: Sample) -> Self {
+        let below = |x: usize, y: usize| differences.at(level - 1, x, y);
+        let here = |x: usize, y: usize| differences.at(level, x, y);
+        let above = |x: usize, y: usize| differences.at(level + 1, x, y);
+        let value = here(x, y);
         let twice = 2.0 * value;
+        let (left, right) = (here(x - 1, y), here(x + 1, y));
+        let (up, down) = (here(x, y - 1), here(x, y + 1));
+        let (under, over) = (below(x, y), above(x, y));
         let gradient = [
-            0.5 * (here.at(x + 1, y) - here.at(x - 1, y)),
-            0.5 * (here.at(x, y + 1) - here.at(x, y - 1)),
-            0.5 * (above.at(x, y) - below.at(x, y)),
+            0.5 * (right - left),
+            0.5 * (down - up),
+            0.5 * (over - under),
         ];
-        let dxx = here.at(x + 1, y) + here.at(x - 1, y) - twice;
-        let dyy = here.at(x, y + 1) + here.at(x, y - 1) - twice;
-        let dss = above.at(x, y) + below.at(x, y) - twice;
+        let dxx = right + left - twice;
+        let dyy = down + up - twice;
+        let dss = over + under - twice;
         let dxy = 0.25
-            * (here.at(x + 1, y + 1) - here.at(x - 1, y + 1) - here.at(x + 1, y - 1)
-                + here.at(x - 1, y - 1));
-        let dxs = 0.25
-            * (above.at(x + 1, y) - above.at(x - 1, y) - below.at(x + 1, y) + below.at(x - 1, y));
-        let dys = 0.25
-            * (above.at(x, y + 1) - above.at(x, y - 1) - below.at(x, y + 1) + below.at(x, y - 1));
+            * (here(x + 1, y + 1) - here(x - 1, y + 1) - here(x + 1, y - 1) + here(x - 1, y - 1));
+        let dxs = 0.25 * (above(x + 1, y) - above(x - 1, y) - below(x + 1, y) + below(x - 1, y));
+        let dys = 0.25 * (above(x, y + 1) - above(x, y - 1) - below(x, y + 1) + below(x, y - 1));
         Self {
             value,
             gradient,
@@ -138,22 +136,23 @@ fn solve3(mut a: [[f32; 3]; 3], mut b: [f32; 3]) -> Option<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Plane;
 
-    /// `D = peak - a (x - cx)^2 - b (y - cy)^2 - c (level - cl)^2 - d (x - cx)(y - cy)`.
+    /// Gaussian levels with `D = peak - a (x - cx)^2 - b (y - cy)^2 - c (level - cl)^2 - d (x - cx)(y - cy)`.
     fn paraboloid(peak: f32, [cx, cy, cl]: [f32; 3], [a, b, c, d]: [f32; 4]) -> Vec<Plane> {
-        (0..5_u8)
-            .map(|level| {
-                let mut plane = Plane::default();
-                plane.resize(30, 28);
-                for y in 0..28 {
-                    for x in 0..30 {
-                        let (u, v, w) = (x as f32 - cx, y as f32 - cy, f32::from(level) - cl);
-                        plane.row_mut(y)[x] = peak - a * u * u - b * v * v - c * w * w - d * u * v;
-                    }
+        let mut gaussians = vec![Plane::default(); 6];
+        gaussians[0].resize(30, 28);
+        for level in 0..5_u8 {
+            let mut plane = gaussians[usize::from(level)].clone();
+            for y in 0..28 {
+                for x in 0..30 {
+                    let (u, v, w) = (x as f32 - cx, y as f32 - cy, f32::from(level) - cl);
+                    plane.row_mut(y)[x] += peak - a * u * u - b * v * v - c * w * w - d * u * v;
                 }
-                plane
-            })
-            .collect()
+            }
+            gaussians[usize::from(level) + 1] = plane;
+        }
+        gaussians
     }
 
     const ROUND: [f32; 4] = [0.01, 0.012, 0.008, 0.004];
@@ -165,7 +164,7 @@ mod tests {
             let planes = paraboloid(sign * 0.2, centre, ROUND.map(|c| sign * c));
             // From the nearest sample and from samples two away, which have to move.
             for (x, y, level) in [(14, 13, 2), (16, 12, 2), (13, 15, 3), (15, 11, 1)] {
-                let point = refine(&planes, Sample { level, y, x }, 0.01, 10.0).unwrap();
+                let point = refine(Differences(&planes), Sample { level, y, x }, 0.01, 10.0).unwrap();
                 let error = [
                     point.x - centre[0],
                     point.y - centre[1],
@@ -193,7 +192,7 @@ mod tests {
             x: 14,
         };
         let settled = |cx: f32| {
-            refine(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND), start, 0.01, 10.0)
+            refine(Differences(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND)), start, 0.01, 10.0)
                 .unwrap()
                 .sample
                 .x
@@ -214,7 +213,7 @@ mod tests {
         let centre = [14.2, 13.1, 2.0];
         let with = |coefficients, contrast| {
             refine(
-                &paraboloid(0.2, centre, coefficients),
+                Differences(&paraboloid(0.2, centre, coefficients)),
                 start,
                 contrast,
                 10.0,
@@ -227,10 +226,10 @@ mod tests {
         assert!(with([0.055, 0.005, 0.008, 0.0], 0.01).is_none());
         assert!(with([0.01, -0.01, 0.008, 0.0], 0.01).is_none());
         assert!(with([0.0; 4], 0.01).is_none());
-        assert!(refine(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND), start, 0.01, 10.0).is_none());
+        assert!(refine(Differences(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND)), start, 0.01, 10.0).is_none());
         assert!(
             refine(
-                &paraboloid(0.9, [14.0, 13.0, 3.9], ROUND),
+                Differences(&paraboloid(0.9, [14.0, 13.0, 3.9], ROUND)),
                 start,
                 0.01,
                 10.0

@@ -1,0 +1,111 @@
+//! Gaussian kernels of the pyramid (Lowe, section 3).
+//!
+//! Blurs add in squares: a level of scale `sigma_i` becomes the next by a blur of `sqrt(sigma_(i+1)^2 - sigma_i^2)`.
+
+use crate::params::{KERNEL_REACH_SIGMAS, SiftParams};
+
+/// Rows a blur makes at a time: each source row is then read once for four output rows.
+pub(crate) const BLUR_ROWS: usize = 4;
+
+/// A normalised, symmetric Gaussian kernel.
+#[derive(Debug, Clone)]
+pub(crate) struct Kernel {
+    /// `half[k]` belongs to the offsets `+k` and `-k`.
+    half: Vec<f32>,
+    /// All taps in order between [`BLUR_ROWS`]` - 1` zeros on either side.
+    padded: Vec<f32>,
+}
+
+impl Kernel {
+    /// Kernel of standard deviation `sigma` samples, cut at [`KERNEL_REACH_SIGMAS`].
+    pub(crate) fn gaussian(sigma: f32) -> Self {
+        let radius = (KERNEL_REACH_SIGMAS * sigma).ceil().max(1.0) as usize;
+        let value =
+            |k: usize| (-((k * k) as f64) / (2.0 * f64::from(sigma) * f64::from(sigma))).exp();
+        let sum = 1.0 + 2.0 * (1..=radius).map(value).sum::<f64>();
+        let half: Vec<f32> = (0..=radius).map(|k| (value(k) / sum) as f32).collect();
+        let zeros = [0.0; BLUR_ROWS - 1];
+        let mut padded = zeros.to_vec();
+        padded.extend(half.iter().rev());
+        padded.extend(&half[1..]);
+        padded.extend(zeros);
+        Self { half, padded }
+    }
+
+    pub(crate) fn radius(&self) -> usize {
+        self.half.len() - 1
+    }
+
+    /// `half()[k]` is the weight at offset `+k` and `-k`.
+    #[inline(always)]
+    pub(crate) fn half(&self) -> &[f32] {
+        &self.half
+    }
+
+    /// The weights of offsets `-radius..=radius` with [`BLUR_ROWS`]` - 1` zeros before and after.
+    #[inline(always)]
+    pub(crate) fn padded(&self) -> &[f32] {
+        &self.padded
+    }
+}
+
+/// The kernels of one octave: `first` makes level 0 from the image, `steps[i]` makes level `i + 1` from level `i`.
+#[derive(Debug, Clone)]
+pub(crate) struct Kernels {
+    pub(crate) first: Kernel,
+    pub(crate) steps: Vec<Kernel>,
+}
+
+impl Kernels {
+    /// Kernels for checked parameters.
+    pub(crate) fn new(params: &SiftParams) -> Self {
+        let start = params.camera_sigma / params.octave_step(0);
+        let first = Kernel::gaussian((params.base_sigma.powi(2) - start.powi(2)).sqrt());
+        let steps = (0..params.scales_per_octave + 2)
+            .map(|i| {
+                let (from, to) = (
+                    params.level_sigma(i as f32),
+                    params.level_sigma(i as f32 + 1.0),
+                );
+                Kernel::gaussian((to.powi(2) - from.powi(2)).sqrt())
+            })
+            .collect();
+        Self { first, steps }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_have_unit_mass_and_the_asked_variance() {
+        for sigma in [0.8_f32, 1.25, 3.1, 27.0] {
+            let k = Kernel::gaussian(sigma);
+            let sum = |f: &dyn Fn(usize) -> f64| -> f64 {
+                let half = k.half.iter().enumerate();
+                half.map(|(i, &w)| f64::from(w) * f(i) * if i == 0 { 1.0 } else { 2.0 })
+                    .sum()
+            };
+            let (mass, variance) = (sum(&|_| 1.0), sum(&|i| (i * i) as f64));
+            assert!((mass - 1.0).abs() < 1e-6, "mass {mass}");
+            // The tails beyond 4 sigma hold about 1e-3 of the variance.
+            assert!(
+                (variance / f64::from(sigma * sigma) - 1.0).abs() < 2e-3,
+                "variance {variance}"
+            );
+        }
+    }
+
+    #[test]
+    fn padded_weights_are_the_mirrored_half() {
+        let k = Kernel::gaussian(1.3);
+        let taps = &k.padded[BLUR_ROWS - 1..k.padded.len() - (BLUR_ROWS - 1)];
+        assert_eq!(taps.len(), 2 * k.radius() + 1);
+        for (i, tap) in taps.iter().enumerate() {
+            assert_eq!(*tap, k.half[i.abs_diff(k.radius())]);
+        }
+        assert_eq!(k.padded[..BLUR_ROWS - 1], [0.0; BLUR_ROWS - 1]);
+        assert_eq!(k.padded.len(), taps.len() + 2 * (BLUR_ROWS - 1));
+    }
+}
