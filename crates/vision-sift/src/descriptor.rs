@@ -382,7 +382,7 @@ mod tests {
                     assert_eq!(describe(level, &plane, frame), got, "{level}");
                 }
                 for (g, e) in got.iter().zip(direct(&plane, frame)) {
-                    // Half a unit of rounding, plus the window's 4e-6 and f32 sums of 2500 terms on 255.
+                    // Half a unit of rounding, plus the window's 1.3e-5 and f32 sums of 2500 terms on 255.
                     assert!((f64::from(*g) - e).abs() < 0.53, "{frame:?}: {g} {e}");
                 }
             }
