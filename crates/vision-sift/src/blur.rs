@@ -250,7 +250,7 @@ mod tests {
         for (width, height) in [(11, 13), (16, 11), (37, 70), (50, 33), (130, 35)] {
             let source = noise(width, height);
             for sigma in [1.2, 2.5, 5.0] {
-                let kernel = Kernel::gaussian(sigma);
+                let kernel = Kernel::gaussian(sigma, (4.0 * sigma).ceil() as usize);
                 let out = blurred(SimdLevel::PORTABLE, &source, &kernel);
                 let radius = kernel.radius() as isize;
                 for y in 0..height {
@@ -285,7 +285,8 @@ mod tests {
 
     #[test]
     fn the_longest_kernel_fits() {
-        let kernel = Kernel::gaussian((32.0_f32.powi(2) - 16.0_f32.powi(2)).sqrt());
+        let sigma = (32.0_f32.powi(2) - 16.0_f32.powi(2)).sqrt();
+        let kernel = Kernel::gaussian(sigma, (4.0 * sigma).ceil() as usize);
         assert_eq!(2 * kernel.radius() + BLUR_ROWS, MAX_SOURCE_ROWS);
         let source = noise(20, 17);
         let mean = blurred(SimdLevel::best(), &source, &kernel).at(7, 7);

@@ -10,8 +10,8 @@
 //! jumps from bin to bin (section 6.1). Samples with `|u|` or `|v|` of 2.5 cells and more contribute nothing and are not
 //! visited: each row of the window is cut to the interval inside the turned square.
 //!
-//! The 128 values are scaled to unit length, cut at 0.2, scaled again, multiplied by 512 and rounded to bytes with
-//! saturation at 255. The order of the values, `(row * 4 + column) * 8 + orientation` with the orientation counted
+//! The 128 values are scaled to unit length, cut at 0.2, scaled again (or, as [`Normalisation`] says, scaled to unit sum
+//! and their roots taken, which is of unit length too), multiplied by 512 and rounded to bytes with saturation at 255. The order of the values, `(row * 4 + column) * 8 + orientation` with the orientation counted
 //! against the sense of the angle, is that of OpenCV, so descriptors of both may be compared.
 //!
 //! Each row of the window is cut to the interval inside the turned square; the samples left are packed side by side, so
@@ -24,11 +24,11 @@
 
 use std::f32::consts::TAU;
 
-use crate::gradient::{WindowTable, atan2, falloff, length};
+use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length};
 use crate::image::Plane;
 use crate::params::{
     DESCRIPTOR_BINS, DESCRIPTOR_BYTE_SCALE, DESCRIPTOR_CELL_SIGMAS, DESCRIPTOR_CELLS,
-    DESCRIPTOR_CLIP, DESCRIPTOR_LENGTH, DESCRIPTOR_WINDOW_SIGMA_CELLS,
+    DESCRIPTOR_CLIP, DESCRIPTOR_LENGTH, DESCRIPTOR_WINDOW_SIGMA_CELLS, Normalisation,
 };
 use crate::simd::{Body, LANES, Lanes, SimdLevel, load, store};
 
@@ -64,13 +64,30 @@ pub(crate) struct Frame {
 }
 
 /// Descriptor of the keypoint at `frame` from the Gaussian level nearest in scale.
-pub(crate) fn describe(simd: SimdLevel, plane: &Plane, frame: Frame) -> [u8; DESCRIPTOR_LENGTH] {
-    simd.run(Describe { plane, frame })
+pub(crate) fn describe(
+    simd: SimdLevel,
+    plane: &Plane,
+    frame: Frame,
+    style: &Style,
+) -> [u8; DESCRIPTOR_LENGTH] {
+    simd.run(Describe {
+        plane,
+        frame,
+        style,
+    })
+}
+
+/// What all descriptors of a detector have in common.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Style {
+    pub(crate) normalisation: Normalisation,
+    pub(crate) arctangent: Arctangent,
 }
 
 struct Describe<'a> {
     plane: &'a Plane,
     frame: Frame,
+    style: &'a Style,
 }
 
 impl Body for Describe<'_> {
@@ -78,7 +95,11 @@ impl Body for Describe<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> [u8; DESCRIPTOR_LENGTH] {
-        let Self { plane, frame } = self;
+        let Self {
+            plane,
+            frame,
+            style,
+        } = self;
         let cells_per_pixel = 1.0 / (DESCRIPTOR_CELL_SIGMAS * frame.sigma);
         let (sin, cos) = frame.angle.sin_cos();
         // Half the height and width of the turned square.
@@ -109,11 +130,11 @@ impl Body for Describe<'_> {
                 samples.push([gx, gy, u, v], LANES.min(right + 1 - start));
             }
             if samples.count > PACKED - MAX_ROW {
-                samples.share_out::<L>(frame.angle, &mut boxes);
+                samples.share_out::<L>(frame.angle, &style.arctangent, &mut boxes);
             }
         }
-        samples.finish::<L>(frame.angle, &mut boxes);
-        quantised(&cells_of(&boxes))
+        samples.finish::<L>(frame.angle, &style.arctangent, &mut boxes);
+        quantised(&cells_of(&boxes), style.normalisation)
     }
 }
 
@@ -187,10 +208,10 @@ impl Samples {
 
     /// Shares out all full vectors and keeps the rest.
     #[inline(always)]
-    fn share_out<L: Lanes>(&mut self, angle: f32, boxes: &mut [Boxes; 2]) {
+    fn share_out<L: Lanes>(&mut self, angle: f32, arctangent: &Arctangent, boxes: &mut [Boxes; 2]) {
         let full = self.count - self.count % LANES;
         for at in (0..full).step_by(LANES) {
-            self.share_out_vector::<L>(at, angle, boxes);
+            self.share_out_vector::<L>(at, angle, arctangent, boxes);
         }
         for values in [&mut self.gx, &mut self.gy, &mut self.u, &mut self.v] {
             values.copy_within(full..full + LANES, 0);
@@ -200,15 +221,21 @@ impl Samples {
 
     /// Shares out what is left, filled up with samples of no weight.
     #[inline(always)]
-    fn finish<L: Lanes>(&mut self, angle: f32, boxes: &mut [Boxes; 2]) {
+    fn finish<L: Lanes>(&mut self, angle: f32, arctangent: &Arctangent, boxes: &mut [Boxes; 2]) {
         let zero = L::splat(0.0);
         self.push([zero; 4], LANES - 1);
-        self.share_out::<L>(angle, boxes);
+        self.share_out::<L>(angle, arctangent, boxes);
     }
 
     /// Adds the vector of samples at `at` to the boxes.
     #[inline(always)]
-    fn share_out_vector<L: Lanes>(&self, at: usize, angle: f32, boxes: &mut [Boxes; 2]) {
+    fn share_out_vector<L: Lanes>(
+        &self,
+        at: usize,
+        angle: f32,
+        arctangent: &Arctangent,
+        boxes: &mut [Boxes; 2],
+    ) {
         const BINS_PER_RADIAN: f32 = DESCRIPTOR_BINS as f32 / TAU;
         // Rounding at the edge of the square must not leave the boxes.
         const MAX_PLACE: f32 = BOXES as f32 * (1.0 - f32::EPSILON);
@@ -218,7 +245,7 @@ impl Samples {
         let row = load::<L>(&self.v, at).max(zero).min(max);
         // In (-4, 12) bins; one turn more keeps it positive.
         let turned = L::splat(angle * BINS_PER_RADIAN + DESCRIPTOR_BINS as f32)
-            .sub(atan2(gy, gx).mul(L::splat(BINS_PER_RADIAN)));
+            .sub(atan2(gy, gx, arctangent).mul(L::splat(BINS_PER_RADIAN)));
         let turns = turned.mul(L::splat(1.0 / DESCRIPTOR_BINS as f32)).floor();
         let bin = turned.sub(turns.mul(L::splat(DESCRIPTOR_BINS as f32)));
 
@@ -260,15 +287,19 @@ fn split<L: Lanes>(weight: L, part: L) -> (L, L) {
 #[inline(always)]
 fn cells_of(boxes: &[Boxes; 2]) -> [f32; DESCRIPTOR_LENGTH] {
     let mut values = [0.0; DESCRIPTOR_LENGTH];
-    for (i, cell) in values.as_chunks_mut::<DESCRIPTOR_BINS>().0.iter_mut().enumerate() {
+    for (i, cell) in values
+        .as_chunks_mut::<DESCRIPTOR_BINS>()
+        .0
+        .iter_mut()
+        .enumerate()
+    {
         let (row, column) = (i / DESCRIPTOR_CELLS, i % DESCRIPTOR_CELLS);
         // The cell is the far corner of the box before it and the near corner of the box after it.
         for (corner, (down, right)) in [(3, (0, 0)), (2, (0, 1)), (1, (1, 0)), (0, (1, 1))] {
             let first = ((row + down) * BOXES + column + right) * DESCRIPTOR_BINS;
             for histogram in boxes {
-                let bins: &[[f32; 8]; DESCRIPTOR_BINS] = histogram[first..]
-                    .first_chunk()
-                    .expect("5 x 5 x 8 boxes");
+                let bins: &[[f32; 8]; DESCRIPTOR_BINS] =
+                    histogram[first..].first_chunk().expect("5 x 5 x 8 boxes");
                 for bin in 0..DESCRIPTOR_BINS {
                     let before = (bin + DESCRIPTOR_BINS - 1) % DESCRIPTOR_BINS;
                     cell[bin] += bins[bin][2 * corner] + bins[before][2 * corner + 1];
@@ -279,13 +310,22 @@ fn cells_of(boxes: &[Boxes; 2]) -> [f32; DESCRIPTOR_LENGTH] {
     values
 }
 
-/// Normalises, clips, normalises again, rounds to bytes.
+/// Clips, normalises, rounds to bytes.
 #[inline(always)]
-fn quantised(values: &[f32; DESCRIPTOR_LENGTH]) -> [u8; DESCRIPTOR_LENGTH] {
+fn quantised(
+    values: &[f32; DESCRIPTOR_LENGTH],
+    normalisation: Normalisation,
+) -> [u8; DESCRIPTOR_LENGTH] {
     let clip = DESCRIPTOR_CLIP * squared_length(values).sqrt();
     let mut clipped = *values;
     for v in &mut clipped {
         *v = if *v < clip { *v } else { clip };
+    }
+    if normalisation == Normalisation::Root {
+        // The sum of the values is the squared length of their roots.
+        for v in &mut clipped {
+            *v = v.sqrt();
+        }
     }
     let length = squared_length(&clipped).sqrt();
     if length == 0.0 {
@@ -315,6 +355,7 @@ fn squared_length(values: &[f32; DESCRIPTOR_LENGTH]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gradient::ARCTANGENT;
 
     fn texture(width: usize, height: usize) -> Plane {
         let mut plane = Plane::default();
@@ -330,7 +371,7 @@ mod tests {
     }
 
     /// The sum of the module comment, sample by sample over the whole image, in `f64` with library functions.
-    fn direct(plane: &Plane, frame: Frame) -> Vec<f64> {
+    fn direct(plane: &Plane, frame: Frame, root: bool) -> Vec<f64> {
         let mut values = vec![0.0; DESCRIPTOR_LENGTH];
         let (sin, cos) = f64::from(frame.angle).sin_cos();
         let cell = 3.0 * f64::from(frame.sigma);
@@ -361,8 +402,29 @@ mod tests {
         let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let clip = 0.2 * length(&values);
         values.iter_mut().for_each(|v| *v = v.min(clip));
+        if root {
+            let sum: f64 = values.iter().sum();
+            return values.iter().map(|v| 512.0 * (v / sum).sqrt()).collect();
+        }
         let scale = 512.0 / length(&values);
         values.iter().map(|v| (v * scale).min(255.0)).collect()
+    }
+
+    /// The descriptor, the same on every level.
+    fn described(
+        plane: &Plane,
+        frame: Frame,
+        normalisation: Normalisation,
+    ) -> [u8; DESCRIPTOR_LENGTH] {
+        let style = Style {
+            normalisation,
+            arctangent: ARCTANGENT,
+        };
+        let got = describe(SimdLevel::PORTABLE, plane, frame, &style);
+        for level in SimdLevel::available() {
+            assert_eq!(describe(level, plane, frame, &style), got, "{level}");
+        }
+        got
     }
 
     #[test]
@@ -377,13 +439,17 @@ mod tests {
         ] {
             for angle in [0.0, 0.3, TAU / 8.0, TAU / 4.0, 2.9, TAU / 2.0, 4.4, 6.2] {
                 let frame = Frame { x, y, sigma, angle };
-                let got = describe(SimdLevel::PORTABLE, &plane, frame);
-                for level in SimdLevel::available() {
-                    assert_eq!(describe(level, &plane, frame), got, "{level}");
-                }
-                for (g, e) in got.iter().zip(direct(&plane, frame)) {
-                    // Half a unit of rounding, plus the window's 1.3e-5 and f32 sums of 2500 terms on 255.
+                let got = described(&plane, frame, Normalisation::Lowe);
+                for (g, e) in got.iter().zip(direct(&plane, frame, false)) {
+                    // Half a unit of rounding, plus the window's 1.5e-5 and f32 sums of 2500 terms on 255.
                     assert!((f64::from(*g) - e).abs() < 0.53, "{frame:?}: {g} {e}");
+                }
+                let got = described(&plane, frame, Normalisation::Root);
+                for (g, e) in got.iter().zip(direct(&plane, frame, true)) {
+                    // The root's error is that of the value v times 1 / (2 root v): below a value of 1 of 512 the
+                    // absolute error, 5e-6 of the largest bin, counts instead and its root is the bound.
+                    let error = f64::from(*g) - e.min(255.0);
+                    assert!(error.abs() < 0.6, "{frame:?}: {g} {e}");
                 }
             }
         }
@@ -399,6 +465,11 @@ mod tests {
             sigma: 2.0,
             angle: 1.0,
         };
-        assert_eq!(describe(SimdLevel::best(), &plane, frame), [0; DESCRIPTOR_LENGTH]);
+        for normalisation in [Normalisation::Lowe, Normalisation::Root] {
+            assert_eq!(
+                described(&plane, frame, normalisation),
+                [0; DESCRIPTOR_LENGTH]
+            );
+        }
     }
 }

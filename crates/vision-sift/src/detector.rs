@@ -6,14 +6,14 @@
 //! Features come octave by octave from fine to coarse, within an octave by level, row and column of the sample, then by
 //! orientation. The order and every value are the same on any number of threads.
 
-use crate::descriptor::{Frame, describe};
+use crate::descriptor::{Frame, Style, describe};
 use crate::error::SiftError;
 use crate::extrema::{self, Sample};
 use crate::image::GrayImage;
-use crate::orientation::{Orientations, orientations};
-use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
-use crate::refine::{ScalePoint, refine};
 use crate::kernel::Kernels;
+use crate::orientation::{OrientationWindow, Orientations, orientations};
+use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
+use crate::refine::{Acceptance, ScalePoint, refine};
 use crate::scale_space::ScaleSpace;
 use crate::simd::SimdLevel;
 use crate::threads::for_each_indexed;
@@ -104,6 +104,8 @@ struct OctavePoint {
 struct OrientedPoint {
     /// Index into the points.
     index: usize,
+    /// Which orientation of the point.
+    rank: usize,
     angle: f32,
     response: f32,
 }
@@ -190,7 +192,11 @@ impl Detector {
             points,
             ..
         } = workspace;
-        let min_contrast = self.params.min_contrast();
+        let accept = Acceptance {
+            min_contrast: self.params.min_contrast(),
+            edge_ratio: self.params.edge_ratio,
+            offsets: self.params.conventions.offset_limits(),
+        };
         points.clear();
         scale_space.start(self.simd, image, &self.params);
         for octave in 0..scale_space.octaves() {
@@ -208,13 +214,14 @@ impl Detector {
                     self.simd,
                     differences,
                     block * BLOCK_ROWS..((block + 1) * BLOCK_ROWS).min(height),
-                    PREFILTER_SHARE * min_contrast,
+                    PREFILTER_SHARE * accept.min_contrast,
                     &mut found.scratch,
                     &mut found.candidates,
                 );
-                let refined = found.candidates.iter().filter_map(|&sample| {
-                    refine(differences, sample, min_contrast, self.params.edge_ratio)
-                });
+                let refined = found
+                    .candidates
+                    .iter()
+                    .filter_map(|&sample| refine(differences, sample, &accept));
                 found.points.extend(refined);
             });
             let first = points.len();
@@ -248,35 +255,37 @@ impl Detector {
             oriented,
             ..
         } = workspace;
+        let conventions = self.params.conventions;
         found.clear();
         found.resize(points.len(), Orientations::default());
         for_each_indexed(found, |i, out| {
             let OctavePoint { octave, point } = points[i];
             let plane = scale_space.gaussian(octave, point.sample.level);
-            *out = orientations(
-                self.simd,
-                plane,
-                point.x,
-                point.y,
-                self.params.level_sigma(point.level),
-            );
+            let sigma = self.params.level_sigma(point.level);
+            let (x, y) = conventions.window_centre(&point);
+            let window = OrientationWindow {
+                x,
+                y,
+                sigma,
+                radius: conventions.orientation_radius(sigma),
+                arctangent: conventions.arctangent(),
+                to_nearest_bin: conventions.orientations_to_nearest_bin,
+            };
+            *out = orientations(self.simd, plane, window);
         });
         oriented.clear();
         for (index, (point, orientations)) in points.iter().zip(&*found).enumerate() {
             let response = point.point.response;
-            oriented.extend(orientations.angles().iter().map(|&angle| OrientedPoint {
+            let angles = orientations.angles().iter().enumerate();
+            oriented.extend(angles.map(|(rank, &angle)| OrientedPoint {
                 index,
+                rank,
                 angle,
                 response,
             }));
         }
         if let Some(limit) = self.params.max_features {
-            keep_strongest(
-                oriented,
-                limit,
-                |p| p.response,
-                |p| (p.index, p.angle.to_bits()),
-            );
+            keep_strongest(oriented, limit, |p| p.response, |p| (p.index, p.rank));
         }
     }
 
@@ -292,6 +301,7 @@ impl Detector {
                  index,
                  angle,
                  response,
+                 ..
              }| {
                 let OctavePoint { octave, point } = points[index];
                 let step = self.params.octave_step(octave);
@@ -305,6 +315,10 @@ impl Detector {
                 }
             },
         ));
+        let style = Style {
+            normalisation: self.params.normalisation,
+            arctangent: self.params.conventions.arctangent(),
+        };
         features
             .descriptors
             .resize(oriented.len(), [0; DESCRIPTOR_LENGTH]);
@@ -312,17 +326,10 @@ impl Detector {
             let OrientedPoint { index, angle, .. } = oriented[i];
             let OctavePoint { octave, point } = points[index];
             let sigma = self.params.level_sigma(point.level);
-            let frame = Frame {
-                x: point.x,
-                y: point.y,
-                sigma,
-                angle,
-            };
-            *descriptor = describe(
-                self.simd,
-                scale_space.gaussian(octave, point.sample.level),
-                frame,
-            );
+            let (x, y) = self.params.conventions.window_centre(&point);
+            let frame = Frame { x, y, sigma, angle };
+            let plane = scale_space.gaussian(octave, point.sample.level);
+            *descriptor = describe(self.simd, plane, frame, &style);
         });
     }
 }

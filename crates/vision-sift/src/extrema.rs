@@ -83,9 +83,8 @@ impl Body for Scan<'_> {
         subtract_row::<L>(differences, rows.start, scratch, length);
         for y in rows {
             subtract_row::<L>(differences, y + 1, scratch, length);
-            let row = |level: usize, y: usize| {
-                &scratch[(level * RING + y % RING) * length..][..length]
-            };
+            let row =
+                |level: usize, y: usize| &scratch[(level * RING + y % RING) * length..][..length];
             for level in 1..levels - 1 {
                 let plane = |level: usize| [row(level, y - 1), row(level, y), row(level, y + 1)];
                 let (below, here, above) = (plane(level - 1), plane(level), plane(level + 1));
@@ -167,17 +166,11 @@ fn extrema_at<L: Lanes>(
     let above = nine::<L>(above, x);
     let high = L::and(
         high,
-        L::and(
-            value.greater(below.0),
-            value.greater_or_equal(above.0),
-        ),
+        L::and(value.greater(below.0), value.greater_or_equal(above.0)),
     );
     let low = L::and(
         low,
-        L::and(
-            below.1.greater(value),
-            above.1.greater_or_equal(value),
-        ),
+        L::and(below.1.greater(value), above.1.greater_or_equal(value)),
     );
     L::bits(L::or(high, low))
 }
@@ -236,7 +229,14 @@ mod tests {
         let run = |simd| {
             let mut found = Vec::new();
             for rows in [0..16, 16..30] {
-                scan(simd, Differences(&planes), rows, 0.1, &mut Vec::new(), &mut found);
+                scan(
+                    simd,
+                    Differences(&planes),
+                    rows,
+                    0.1,
+                    &mut Vec::new(),
+                    &mut found,
+                );
             }
             found
         };

@@ -2,7 +2,7 @@
 //!
 //! Blurs add in squares: a level of scale `sigma_i` becomes the next by a blur of `sqrt(sigma_(i+1)^2 - sigma_i^2)`.
 
-use crate::params::{KERNEL_REACH_SIGMAS, SiftParams};
+use crate::params::SiftParams;
 
 /// Rows a blur makes at a time: each source row is then read once for four output rows.
 pub(crate) const BLUR_ROWS: usize = 4;
@@ -17,9 +17,8 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    /// Kernel of standard deviation `sigma` samples, cut at [`KERNEL_REACH_SIGMAS`].
-    pub(crate) fn gaussian(sigma: f32) -> Self {
-        let radius = (KERNEL_REACH_SIGMAS * sigma).ceil().max(1.0) as usize;
+    /// Kernel of standard deviation `sigma` samples, cut after `radius` samples.
+    pub(crate) fn gaussian(sigma: f32, radius: usize) -> Self {
         let value =
             |k: usize| (-((k * k) as f64) / (2.0 * f64::from(sigma) * f64::from(sigma))).exp();
         let sum = 1.0 + 2.0 * (1..=radius).map(value).sum::<f64>();
@@ -60,14 +59,15 @@ impl Kernels {
     /// Kernels for checked parameters.
     pub(crate) fn new(params: &SiftParams) -> Self {
         let start = params.camera_sigma / params.octave_step(0);
-        let first = Kernel::gaussian((params.base_sigma.powi(2) - start.powi(2)).sqrt());
+        let kernel = |sigma| Kernel::gaussian(sigma, params.conventions.kernel_radius(sigma));
+        let first = kernel((params.base_sigma.powi(2) - start.powi(2)).sqrt());
         let steps = (0..params.scales_per_octave + 2)
             .map(|i| {
                 let (from, to) = (
                     params.level_sigma(i as f32),
                     params.level_sigma(i as f32 + 1.0),
                 );
-                Kernel::gaussian((to.powi(2) - from.powi(2)).sqrt())
+                kernel((to.powi(2) - from.powi(2)).sqrt())
             })
             .collect();
         Self { first, steps }
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn kernels_have_unit_mass_and_the_asked_variance() {
         for sigma in [0.8_f32, 1.25, 3.1, 27.0] {
-            let k = Kernel::gaussian(sigma);
+            let k = Kernel::gaussian(sigma, (4.0 * sigma).ceil() as usize);
             let sum = |f: &dyn Fn(usize) -> f64| -> f64 {
                 let half = k.half.iter().enumerate();
                 half.map(|(i, &w)| f64::from(w) * f(i) * if i == 0 { 1.0 } else { 2.0 })
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn padded_weights_are_the_mirrored_half() {
-        let k = Kernel::gaussian(1.3);
+        let k = Kernel::gaussian(1.3, 6);
         let taps = &k.padded[BLUR_ROWS - 1..k.padded.len() - (BLUR_ROWS - 1)];
         assert_eq!(taps.len(), 2 * k.radius() + 1);
         for (i, tap) in taps.iter().enumerate() {

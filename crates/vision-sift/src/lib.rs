@@ -23,6 +23,7 @@
 
 pub mod params;
 
+mod conventions;
 mod simd;
 
 mod image;
@@ -43,10 +44,11 @@ mod detector;
 mod error;
 mod threads;
 
+pub use conventions::Conventions;
 pub use detector::{Detector, Features, Keypoint, Workspace, detect};
 pub use error::SiftError;
 pub use image::GrayImage;
-pub use params::SiftParams;
+pub use params::{Normalisation, SiftParams};
 pub use simd::SimdLevel;
 
 /// Compiles the README's code.

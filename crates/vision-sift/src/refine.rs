@@ -5,14 +5,17 @@
 //! D(x) = D + g' x + x' H x / 2,     x^ = -H^-1 g  (solved, not inverted),     D(x^) = D + g' x^ / 2     (Lowe, eq. 2, 3)
 //! ```
 //! with `g` and `H` from central differences. When the offset `x^` is longer than
-//! [`MAX_REFINE_OFFSET`](crate::params) along an axis the sample moves there and the fit is repeated.
+//! [`MAX_REFINE_OFFSET`](crate::params) along an axis the sample moves there and the fit is repeated. A fit that would
+//! have to move but cannot (steps used up, border or level range reached) is kept up to
+//! [`MAX_LAST_OFFSET`](crate::params): such points hop between two samples, and in a second picture one of the two fits
+//! may well settle.
 //!
-//! Rejected: fits that do not settle, leave the octave or have a singular `H`; `|D(x^)|` below the contrast threshold;
+//! Rejected: fits further off than that, singular `H`; `|D(x^)|` below the contrast threshold;
 //! and edges, by the ratio of the principal curvatures of the 2x2 spatial Hessian, `tr^2 / det < (r + 1)^2 / r`
 //! (section 4.1; `det <= 0` is a saddle and rejected as well).
 
 use crate::extrema::Sample;
-use crate::params::{BORDER, MAX_REFINE_OFFSET, MAX_REFINE_STEPS};
+use crate::params::{BORDER, MAX_REFINE_STEPS};
 use crate::scale_space::Differences;
 
 /// A refined extremum in the coordinates of its octave.
@@ -30,39 +33,59 @@ pub(crate) struct ScalePoint {
     pub(crate) response: f32,
 }
 
+/// Largest offsets accepted per axis, samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct OffsetLimits {
+    /// A fit within this has settled.
+    pub(crate) settled: f32,
+    /// A fit that can move no further is kept within this.
+    pub(crate) last: f32,
+}
+
+/// Which refined extrema become points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Acceptance {
+    /// Least `|D(x^)|`.
+    pub(crate) min_contrast: f32,
+    /// Largest ratio of principal curvatures.
+    pub(crate) edge_ratio: f32,
+    pub(crate) offsets: OffsetLimits,
+}
+
 /// Refines one candidate; `None` when it is rejected.
 pub(crate) fn refine(
     differences: Differences<'_>,
     start: Sample,
-    min_contrast: f32,
-    edge_ratio: f32,
+    accept: &Acceptance,
 ) -> Option<ScalePoint> {
-    let (width, height) = (differences.width(), differences.height());
     let mut sample = start;
-    for _ in 0..MAX_REFINE_STEPS {
+    for step in 1..=MAX_REFINE_STEPS {
         let fit = Quadratic::at(differences, sample);
         let offset = solve3(fit.hessian, fit.gradient.map(|g| -g))?;
-        if offset.iter().all(|o| o.abs() <= MAX_REFINE_OFFSET) {
-            let slope: f32 = (0..3).map(|i| fit.gradient[i] * offset[i]).sum();
-            let response = (fit.value + 0.5 * slope).abs();
-            let [[dxx, dxy, _], [_, dyy, _], _] = fit.hessian;
-            let (trace, det) = (dxx + dyy, dxx * dyy - dxy * dxy);
-            let edge = det <= 0.0 || trace * trace * edge_ratio >= (edge_ratio + 1.0).powi(2) * det;
-            return (response >= min_contrast && !edge).then_some(ScalePoint {
-                sample,
-                x: sample.x as f32 + offset[0],
-                y: sample.y as f32 + offset[1],
-                level: sample.level as f32 + offset[2],
-                response,
-            });
-        }
-        sample = Sample {
-            x: moved(sample.x, offset[0], BORDER, width - BORDER)?,
-            y: moved(sample.y, offset[1], BORDER, height - BORDER)?,
-            level: moved(sample.level, offset[2], 1, differences.levels() - 1)?,
+        let within = |limit: f32| offset.iter().all(|o| o.abs() <= limit);
+        let next = if within(accept.offsets.settled) || step == MAX_REFINE_STEPS {
+            None
+        } else {
+            moved_by(offset, sample, differences)
         };
+        let Some(next) = next else {
+            return within(accept.offsets.last)
+                .then(|| fit.point(sample, offset, accept))
+                .flatten();
+        };
+        sample = next;
     }
     None
+}
+
+/// The sample nearest to `from + offset`, if a fit can be made there.
+fn moved_by(offset: [f32; 3], from: Sample, differences: Differences<'_>) -> Option<Sample> {
+    let (width, height) = (differences.width(), differences.height());
+    Some(Sample {
+        x: moved(from.x, offset[0], BORDER, width - BORDER)?,
+        y: moved(from.y, offset[1], BORDER, height - BORDER)?,
+        level: moved(from.level, offset[2], 1, differences.levels() - 1)?,
+    })
 }
 
 /// `from + round(offset)` if it lies in `low..high`; false for offsets that are not numbers.
@@ -105,6 +128,25 @@ impl Quadratic {
             gradient,
             hessian: [[dxx, dxy, dxs], [dxy, dyy, dys], [dxs, dys, dss]],
         }
+    }
+}
+
+impl Quadratic {
+    /// The point at `offset` from `sample`, if contrast and edge ratio allow it.
+    fn point(&self, sample: Sample, offset: [f32; 3], accept: &Acceptance) -> Option<ScalePoint> {
+        let slope: f32 = (0..3).map(|i| self.gradient[i] * offset[i]).sum();
+        let response = (self.value + 0.5 * slope).abs();
+        let [[dxx, dxy, _], [_, dyy, _], _] = self.hessian;
+        let (trace, det) = (dxx + dyy, dxx * dyy - dxy * dxy);
+        let r = accept.edge_ratio;
+        let edge = det <= 0.0 || trace * trace * r >= (r + 1.0).powi(2) * det;
+        (response >= accept.min_contrast && !edge).then_some(ScalePoint {
+            sample,
+            x: sample.x as f32 + offset[0],
+            y: sample.y as f32 + offset[1],
+            level: sample.level as f32 + offset[2],
+            response,
+        })
     }
 }
 
@@ -155,6 +197,17 @@ mod tests {
         gaussians
     }
 
+    fn accept(min_contrast: f32) -> Acceptance {
+        Acceptance {
+            min_contrast,
+            edge_ratio: 10.0,
+            offsets: OffsetLimits {
+                settled: 0.6,
+                last: 1.0,
+            },
+        }
+    }
+
     const ROUND: [f32; 4] = [0.01, 0.012, 0.008, 0.004];
 
     #[test]
@@ -164,7 +217,8 @@ mod tests {
             let planes = paraboloid(sign * 0.2, centre, ROUND.map(|c| sign * c));
             // From the nearest sample and from samples two away, which have to move.
             for (x, y, level) in [(14, 13, 2), (16, 12, 2), (13, 15, 3), (15, 11, 1)] {
-                let point = refine(Differences(&planes), Sample { level, y, x }, 0.01, 10.0).unwrap();
+                let point =
+                    refine(Differences(&planes), Sample { level, y, x }, &accept(0.01)).unwrap();
                 let error = [
                     point.x - centre[0],
                     point.y - centre[1],
@@ -192,10 +246,14 @@ mod tests {
             x: 14,
         };
         let settled = |cx: f32| {
-            refine(Differences(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND)), start, 0.01, 10.0)
-                .unwrap()
-                .sample
-                .x
+            refine(
+                Differences(&paraboloid(0.2, [cx, 13.0, 2.0], ROUND)),
+                start,
+                &accept(0.01),
+            )
+            .unwrap()
+            .sample
+            .x
         };
         assert_eq!(
             [settled(14.45), settled(14.58), settled(14.63)],
@@ -215,8 +273,7 @@ mod tests {
             refine(
                 Differences(&paraboloid(0.2, centre, coefficients)),
                 start,
-                contrast,
-                10.0,
+                &accept(contrast),
             )
         };
         assert!(with(ROUND, 0.19).is_some());
@@ -226,15 +283,43 @@ mod tests {
         assert!(with([0.055, 0.005, 0.008, 0.0], 0.01).is_none());
         assert!(with([0.01, -0.01, 0.008, 0.0], 0.01).is_none());
         assert!(with([0.0; 4], 0.01).is_none());
-        assert!(refine(Differences(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND)), start, 0.01, 10.0).is_none());
         assert!(
             refine(
-                Differences(&paraboloid(0.9, [14.0, 13.0, 3.9], ROUND)),
+                Differences(&paraboloid(0.9, [2.0, 13.0, 2.0], ROUND)),
                 start,
-                0.01,
-                10.0
+                &accept(0.01)
             )
             .is_none()
         );
+        assert!(
+            refine(
+                Differences(&paraboloid(0.9, [14.0, 13.0, 4.1], ROUND)),
+                start,
+                &accept(0.01)
+            )
+            .is_none()
+        );
+    }
+    #[test]
+    fn a_fit_that_cannot_move_is_kept_up_to_one_sample() {
+        // Level 4 is the last difference: no fit can be made there, so level 3 keeps the point, up to an offset of 1.
+        let start = Sample {
+            level: 3,
+            y: 13,
+            x: 14,
+        };
+        let at = |level: f32, last: f32| {
+            let mut accept = accept(0.01);
+            accept.offsets.last = last;
+            let planes = paraboloid(0.2, [14.1, 13.0, level], ROUND);
+            refine(Differences(&planes), start, &accept)
+        };
+        for level in [3.62_f32, 3.7, 3.95] {
+            let point = at(level, 1.0).unwrap();
+            assert_eq!(point.sample, start);
+            assert!((point.level - level).abs() < 1e-3, "{level}: {point:?}");
+            assert_eq!(at(level, 0.6), None);
+        }
+        assert!(at(4.1, 1.0).is_none());
     }
 }

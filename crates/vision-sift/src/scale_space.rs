@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Steps:
-//! 1. The image is doubled by linear interpolation. Sample `2x` of the doubled row *is* sample `x`, so octave
+//! 1. The image is doubled by linear interpolation (other [`Conventions`](crate::Conventions) than the default are not
+//!    described here). Sample `2x` of the doubled row *is* sample `x`, so octave
 //!    coordinates are exact multiples of input coordinates: `x_input = x_octave * step`. The doubled row has `2w - 1`
 //!    samples; nothing is extrapolated. (Resizing "area to area" instead would shift all coordinates by 0.25 pixels.)
 //! 2. The first level is brought from the camera's blur to `base_sigma`; each next level adds the blur that is missing,
@@ -17,6 +18,7 @@
 //! writing and reading five planes an octave.
 
 use crate::blur::{blur, scratch_length};
+use crate::conventions::Doubling;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::{Kernel, Kernels};
 use crate::params::{BORDER, SiftParams};
@@ -78,20 +80,21 @@ impl ScaleSpace {
     /// Bytes held.
     pub(crate) fn memory_usage(&self) -> usize {
         let planes = self.gaussians.iter().chain([&self.input]);
-        planes.map(Plane::memory_usage).sum::<usize>()
-            + self.scratch.capacity() * size_of::<f32>()
+        planes.map(Plane::memory_usage).sum::<usize>() + self.scratch.capacity() * size_of::<f32>()
     }
 
     /// Sizes the pyramid for `image` and scales the grey values into the input plane.
     pub(crate) fn start(&mut self, simd: SimdLevel, image: &GrayImage<'_>, params: &SiftParams) {
+        let conventions = params.conventions;
         let (mut width, mut height) = (image.width(), image.height());
         if params.double_image {
-            (width, height) = (2 * width - 1, 2 * height - 1);
+            let left_out = usize::from(conventions.doubling == Doubling::Exact);
+            (width, height) = (2 * width - left_out, 2 * height - left_out);
         }
         self.input.resize(width, height);
         simd.run(LoadRows {
             image,
-            double: params.double_image,
+            doubling: params.double_image.then_some(conventions.doubling),
             plane: &mut self.input,
         });
         self.levels_per_octave = params.scales_per_octave + 3;
@@ -105,7 +108,7 @@ impl ScaleSpace {
             for plane in &mut self.gaussians[needed - self.levels_per_octave..needed] {
                 plane.resize(width, height);
             }
-            (width, height) = (width.div_ceil(2), height.div_ceil(2));
+            (width, height) = (conventions.halved(width), conventions.halved(height));
         }
     }
 
@@ -140,10 +143,12 @@ impl ScaleSpace {
     }
 }
 
-/// Grey values to `[0, 1]`, doubled by linear interpolation if asked: sample `2x` is sample `x`.
+const GREY_SCALE: f32 = 1.0 / 255.0;
+
+/// Grey values to `[0, 1]`, doubled by linear interpolation if asked.
 struct LoadRows<'a> {
     image: &'a GrayImage<'a>,
-    double: bool,
+    doubling: Option<Doubling>,
     plane: &'a mut Plane,
 }
 
@@ -152,29 +157,68 @@ impl Body for LoadRows<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        const SCALE: f32 = 1.0 / 255.0;
-        let width = self.image.width();
-        let stride = self.plane.stride();
+        let (image, stride) = (self.image, self.plane.stride());
         let rows = self.plane.samples_mut().chunks_exact_mut(stride);
         for (y, row) in rows.enumerate() {
-            if !self.double {
-                for (out, &grey) in row.iter_mut().zip(self.image.row(y)) {
-                    *out = f32::from(grey) * SCALE;
+            match self.doubling {
+                None => {
+                    for (out, &grey) in row.iter_mut().zip(image.row(y)) {
+                        *out = f32::from(grey) * GREY_SCALE;
+                    }
                 }
-                continue;
+                Some(Doubling::Exact | Doubling::LastRepeated) => double_on_samples(image, y, row),
+                Some(Doubling::Area) => double_by_area(image, y, row),
             }
-            // Even rows average a row with itself: exact.
-            let (upper, lower) = (self.image.row(y / 2), self.image.row(y.div_ceil(2)));
-            let sum = |u: u8, l: u8| f32::from(u16::from(u) + u16::from(l));
-            let here = upper.iter().zip(lower);
-            let next = upper[1..].iter().zip(&lower[1..]);
-            let (pairs, _) = row.as_chunks_mut::<2>();
-            for ((pair, (u, l)), (v, m)) in pairs.iter_mut().zip(here).zip(next) {
-                let (here, next) = (sum(*u, *l), sum(*v, *m));
-                *pair = [here * (0.5 * SCALE), (here + next) * (0.25 * SCALE)];
-            }
-            row[2 * width - 2] = sum(upper[width - 1], lower[width - 1]) * (0.5 * SCALE);
         }
+    }
+}
+
+/// Row `y` of the doubled image: sample `2x` is sample `x`, the odd ones are means, the last is repeated where the row
+/// has room.
+#[inline(always)]
+fn double_on_samples(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
+    let (width, height) = (image.width(), image.height());
+    // Even rows average a row with itself: exact.
+    let (upper, lower) = (image.row(y / 2), image.row(y.div_ceil(2).min(height - 1)));
+    let (pairs, _) = row.as_chunks_mut::<2>();
+    let pairs = pairs[..width - 1].iter_mut();
+    let here = upper.iter().zip(lower);
+    let next = upper[1..].iter().zip(&lower[1..]);
+    for ((pair, (u, l)), (v, m)) in pairs.zip(here).zip(next) {
+        let here = f32::from(u16::from(*u) + u16::from(*l));
+        let next = f32::from(u16::from(*v) + u16::from(*m));
+        *pair = [
+            here * (0.5 * GREY_SCALE),
+            (here + next) * (0.25 * GREY_SCALE),
+        ];
+    }
+    let last = f32::from(u16::from(upper[width - 1]) + u16::from(lower[width - 1]));
+    for out in row[2 * width - 2..].iter_mut().take(2) {
+        *out = last * (0.5 * GREY_SCALE);
+    }
+}
+
+/// Row `y` of the doubled image whose sample `i` lies at `i / 2 - 1/4`: three parts of the nearer sample and one of the
+/// next, the border repeated.
+#[inline(always)]
+fn double_by_area(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
+    let (width, height) = (image.width(), image.height());
+    let (near, far) = (image.row(y / 2), image.row(beside(y, height)));
+    for (x, out) in row[..2 * width].iter_mut().enumerate() {
+        let (a, b) = (x / 2, beside(x, width));
+        let a = 3 * u16::from(near[a]) + u16::from(far[a]);
+        let b = 3 * u16::from(near[b]) + u16::from(far[b]);
+        *out = f32::from(3 * a + b) * (GREY_SCALE / 16.0);
+    }
+}
+
+/// The other input sample beside output `i`; the nearer is `i / 2`.
+#[inline(always)]
+fn beside(i: usize, n: usize) -> usize {
+    if i % 2 == 1 {
+        (i / 2 + 1).min(n - 1)
+    } else {
+        (i / 2).saturating_sub(1)
     }
 }
 
@@ -196,8 +240,9 @@ impl Body for Halve<'_> {
             for (out, pair) in row.iter_mut().zip(pairs) {
                 *out = pair[0];
             }
-            if let [last] = rest {
-                row[pairs.len()] = *last;
+            // An odd side keeps its last sample, unless sides are rounded down.
+            if let ([last], Some(out)) = (rest, row.get_mut(pairs.len())) {
+                *out = *last;
             }
         }
     }
@@ -233,6 +278,41 @@ mod tests {
                     close(2 * x, 2 * y + 1, (corners[0] + corners[2]) / 2.0);
                     close(2 * x + 1, 2 * y + 1, corners.iter().sum::<f32>() / 4.0);
                     close(32, 30, grey(16, 15));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn doubling_as_opencv_has_two_samples_a_pixel() {
+        let data: Vec<u8> = (0..17 * 16).map(|i| (i * 37 % 251) as u8).collect();
+        let image = GrayImage::new(17, 16, &data).unwrap();
+        let grey = |x: usize, y: usize| f32::from(data[y * 17 + x]) / 255.0;
+        // Linear interpolation at x / 2 + shift in both directions, the border repeated.
+        let expected = |x: usize, y: usize, shift: f32| {
+            let parts = |i: usize, n: usize| {
+                let at = (i as f32 / 2.0 + shift).clamp(0.0, (n - 1) as f32);
+                let low = at.floor() as usize;
+                (low, (low + 1).min(n - 1), at - at.floor())
+            };
+            let ((x0, x1, u), (y0, y1, v)) = (parts(x, 17), parts(y, 16));
+            let row = |y: usize| grey(x0, y) * (1.0 - u) + grey(x1, y) * u;
+            row(y0) * (1.0 - v) + row(y1) * v
+        };
+        let mut space = ScaleSpace::default();
+        for (doubling, shift) in [(Doubling::Area, -0.25), (Doubling::LastRepeated, 0.0)] {
+            let mut params = SiftParams::opencv();
+            params.conventions.doubling = doubling;
+            space.start(SimdLevel::best(), &image, &params);
+            let plane = &space.input;
+            assert_eq!((plane.width(), plane.height()), (34, 32));
+            for y in 0..32 {
+                for x in 0..34 {
+                    let error = plane.at(x, y) - expected(x, y, shift);
+                    assert!(
+                        error.abs() < 4.0 * f32::EPSILON,
+                        "{doubling:?} {x} {y}: {error}"
+                    );
                 }
             }
         }

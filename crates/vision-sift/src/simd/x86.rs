@@ -88,7 +88,12 @@ impl Lanes for Avx2 {
     fn load(values: &Run) -> Self {
         let (low, high) = values.split_at(8);
         // SAFETY: see the module; both halves hold eight values.
-        unsafe { Self(_mm256_loadu_ps(low.as_ptr()), _mm256_loadu_ps(high.as_ptr())) }
+        unsafe {
+            Self(
+                _mm256_loadu_ps(low.as_ptr()),
+                _mm256_loadu_ps(high.as_ptr()),
+            )
+        }
     }
 
     #[inline(always)]
@@ -106,7 +111,10 @@ impl Lanes for Avx2 {
         // SAFETY: see the module.
         unsafe {
             let sign = _mm256_set1_ps(-0.0);
-            Self(_mm256_andnot_ps(sign, self.0), _mm256_andnot_ps(sign, self.1))
+            Self(
+                _mm256_andnot_ps(sign, self.0),
+                _mm256_andnot_ps(sign, self.1),
+            )
         }
     }
 
