@@ -176,12 +176,57 @@ impl Detector {
         workspace: &mut Workspace,
         features: &mut Features,
     ) -> Result<(), SiftError> {
+        self.detect_where(image, None, workspace, features);
+        Ok(())
+    }
+
+    /// As [`Detector::detect`], with the keypoints whose nearest pixel of `region` is zero left out before they are
+    /// oriented, described or counted.
+    ///
+    /// What lies outside the region still takes part in blurs and windows: masking a picture makes no edges.
+    ///
+    /// # Errors
+    /// [`SiftError::RegionSize`] when `region` and `image` differ in size.
+    pub fn detect_in_region(
+        &self,
+        image: &GrayImage<'_>,
+        region: &GrayImage<'_>,
+        workspace: &mut Workspace,
+        features: &mut Features,
+    ) -> Result<(), SiftError> {
+        let (given, needed) = (
+            (region.width(), region.height()),
+            (image.width(), image.height()),
+        );
+        if given != needed {
+            return Err(SiftError::RegionSize { given, needed });
+        }
+        self.detect_where(image, Some(region), workspace, features);
+        Ok(())
+    }
+
+    fn detect_where(
+        &self,
+        image: &GrayImage<'_>,
+        region: Option<&GrayImage<'_>>,
+        workspace: &mut Workspace,
+        features: &mut Features,
+    ) {
         features.keypoints.clear();
         features.descriptors.clear();
         self.find_points(image, workspace);
+        if let Some(region) = region {
+            workspace.points.retain(|p| {
+                let step = self.params.octave_step(p.octave);
+                // Refined positions may lie a little outside the last sample.
+                let nearest = |v: f32, n: usize| ((step * v).round().max(0.0) as usize).min(n - 1);
+                let x = nearest(p.point.x, region.width());
+                region.row(nearest(p.point.y, region.height()))[x] != 0
+            });
+        }
+        self.keep_strongest_points(workspace);
         self.orient(workspace);
         self.describe(workspace, features);
-        Ok(())
     }
 
     /// Pyramid, extrema and refinement of all octaves into `workspace.points`.
@@ -235,10 +280,13 @@ impl Detector {
         }
         // Two candidates that settled on one sample have the same fit.
         points.dedup_by_key(|p| (p.octave, p.point.sample));
+    }
+
+    fn keep_strongest_points(&self, workspace: &mut Workspace) {
         if let Some(limit) = self.params.max_features {
             // Every point with an orientation gives a feature, so no weaker point can be among the strongest features.
             keep_strongest(
-                points,
+                &mut workspace.points,
                 limit,
                 |p| p.point.response,
                 |p| (p.octave, p.point.sample),

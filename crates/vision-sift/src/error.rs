@@ -42,6 +42,14 @@ pub enum SiftError {
         /// Length needed, bytes.
         required: usize,
     },
+    /// The region has another size than the image.
+    #[error("region is {}x{} pixels, the image {}x{}", given.0, given.1, needed.0, needed.1)]
+    RegionSize {
+        /// Width and height given, pixels.
+        given: (usize, usize),
+        /// Width and height of the image, pixels.
+        needed: (usize, usize),
+    },
     /// A parameter is outside its range (or not a number).
     #[error("parameter {name} is {value}, must lie in [{minimum}, {maximum}]")]
     ParameterOutOfRange {
