@@ -1,7 +1,9 @@
-//! Time of one image of 320x240 and of 640x480, all stages, on one thread and on the default pool.
+//! Time of one image on one thread for every instruction set, of its stages, and on two threads.
+
+use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use vision_sift::{Detector, Features, GrayImage, SiftParams, Workspace};
+use vision_sift::{Detector, Features, GrayImage, SiftParams, SimdLevel, Stage, Workspace};
 
 /// Smoothed noise at three scales: about as many keypoints as an indoor picture.
 fn textured(width: usize, height: usize) -> Vec<u8> {
@@ -31,41 +33,116 @@ fn textured(width: usize, height: usize) -> Vec<u8> {
         .collect()
 }
 
-fn detect(c: &mut Criterion) {
-    for (width, height) in [(320, 240), (640, 480)] {
-        let pixels = textured(width, height);
-        let image = GrayImage::new(width, height, &pixels).expect("large enough");
+/// What one detection needs, made once.
+struct Run {
+    detector: Detector,
+    pixels: Vec<u8>,
+    size: (usize, usize),
+    workspace: Workspace,
+    features: Features,
+}
+
+impl Run {
+    fn new(width: usize, height: usize, simd: SimdLevel) -> Self {
         let detector = Detector::new(SiftParams::default()).expect("defaults are in range");
-        let (mut workspace, mut features) = (Workspace::new(), Features::default());
-        let mut run = || {
-            detector
-                .detect(&image, &mut workspace, &mut features)
-                .map(|()| features.keypoints.len())
-        };
-        let count = run().expect("checked input");
-        c.bench_function(&format!("detect_{width}x{height}_{count}_keypoints"), |b| {
-            b.iter(&mut run);
+        Self {
+            detector: detector.with_simd(simd),
+            pixels: textured(width, height),
+            size: (width, height),
+            workspace: Workspace::new(),
+            features: Features::default(),
+        }
+    }
+
+    /// One detection; how long `stage` took.
+    fn stage(&mut self, stage: Stage) -> Duration {
+        let image = GrayImage::new(self.size.0, self.size.1, &self.pixels).expect("large enough");
+        let (mut last, mut took) = (Instant::now(), Duration::ZERO);
+        self.detector
+            .detect_observed(
+                &image,
+                &mut self.workspace,
+                &mut self.features,
+                &mut |done| {
+                    let now = Instant::now();
+                    if done == stage {
+                        took = now - last;
+                    }
+                    last = now;
+                },
+            )
+            .expect("checked input");
+        took
+    }
+
+    fn whole(&mut self) -> usize {
+        let image = GrayImage::new(self.size.0, self.size.1, &self.pixels).expect("large enough");
+        self.detector
+            .detect(&image, &mut self.workspace, &mut self.features)
+            .expect("checked input");
+        self.features.keypoints.len()
+    }
+}
+
+/// A number of threads to run on; without the feature `parallel`, the one there is.
+#[cfg(feature = "parallel")]
+struct Threads(rayon::ThreadPool);
+
+#[cfg(feature = "parallel")]
+impl Threads {
+    fn new(count: usize) -> Self {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+        Self(pool.expect("threads"))
+    }
+
+    fn run<R: Send>(&self, run: impl FnOnce() -> R + Send) -> R {
+        self.0.install(run)
+    }
+}
+
+#[cfg(not(feature = "parallel"))]
+struct Threads;
+
+#[cfg(not(feature = "parallel"))]
+impl Threads {
+    fn new(_: usize) -> Self {
+        Self
+    }
+
+    fn run<R>(&self, run: impl FnOnce() -> R) -> R {
+        run()
+    }
+}
+
+fn levels(c: &mut Criterion) {
+    for (width, height) in [(320, 240), (640, 480)] {
+        for simd in SimdLevel::available() {
+            let mut run = Run::new(width, height, simd);
+            let count = run.whole();
+            let name = format!("detect_{width}x{height}_{count}_keypoints_{simd}");
+            let one = Threads::new(1);
+            c.bench_function(&name, |b| b.iter(|| one.run(|| run.whole())));
+        }
+    }
+}
+
+fn stages(c: &mut Criterion) {
+    let mut run = Run::new(320, 240, SimdLevel::best());
+    let one = Threads::new(1);
+    for stage in Stage::ALL {
+        c.bench_function(&format!("stage_320x240_{stage:?}"), |b| {
+            b.iter_custom(|n| (0..n).map(|_| one.run(|| run.stage(stage))).sum());
         });
     }
 }
 
-#[cfg(feature = "parallel")]
-fn detect_one_thread(c: &mut Criterion) {
-    let pixels = textured(320, 240);
-    let image = GrayImage::new(320, 240, &pixels).expect("large enough");
-    let detector = Detector::new(SiftParams::default()).expect("defaults are in range");
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .expect("one thread");
-    let (mut workspace, mut features) = (Workspace::new(), Features::default());
-    c.bench_function("detect_320x240_one_thread", |b| {
-        b.iter(|| pool.install(|| detector.detect(&image, &mut workspace, &mut features)));
+fn two_threads(c: &mut Criterion) {
+    let mut run = Run::new(320, 240, SimdLevel::best());
+    let two = Threads::new(2);
+    c.bench_function("detect_320x240_two_threads", |b| {
+        b.iter(|| two.run(|| run.whole()));
     });
 }
 
-#[cfg(not(feature = "parallel"))]
-fn detect_one_thread(_: &mut Criterion) {}
-
-criterion_group!(benches, detect, detect_one_thread);
+criterion_group!(benches, levels, stages, two_threads);
 criterion_main!(benches);

@@ -7,7 +7,7 @@
 //! |---|---|---|---|
 //! | doubling | `2w - 1` samples, exact | `2w` samples: shifted by a quarter pixel, or the last repeated | scale space |
 //! | half of an odd side | rounded up | rounded down | scale space |
-//! | kernel radius | `ceil(4 sigma)` | `floor(round(8 sigma + 1) / 2)` | scale space |
+//! | kernel radius | `ceil(3 sigma)` | `floor(round(8 sigma + 1) / 2)` | scale space |
 //! | offset accepted | up to 0.6 | below 0.5 | refinement |
 //! | fit that can move no further | kept up to an offset of 1 | rejected | refinement |
 //! | gradient between two orientation bins | shared linearly | to the nearest | orientation |
@@ -104,7 +104,7 @@ impl Conventions {
     /// Radius of a Gaussian kernel, samples.
     pub(crate) fn kernel_radius(self, sigma: f32) -> usize {
         if self.kernel_radius_rounds {
-            (2.0 * KERNEL_REACH_SIGMAS * sigma + 1.0).round() as usize / 2
+            (8.0 * sigma + 1.0).round() as usize / 2
         } else {
             (KERNEL_REACH_SIGMAS * sigma).ceil().max(1.0) as usize
         }
@@ -168,7 +168,7 @@ mod tests {
         // The five scales of an octave at the defaults, sigma 1.23 to 3.09; OpenCV's kernels have 11, 13, 17, 21 and 27
         // taps.
         let sigmas = [1.226_273, 1.545_008, 1.946_588, 2.452_547, 3.090_016];
-        assert_eq!(sigmas.map(|s| own.kernel_radius(s)), [5, 7, 8, 10, 13]);
+        assert_eq!(sigmas.map(|s| own.kernel_radius(s)), [4, 5, 6, 8, 10]);
         assert_eq!(sigmas.map(|s| opencv.kernel_radius(s)), [5, 6, 8, 10, 13]);
         let limits = own.offset_limits();
         assert_eq!([limits.settled, limits.last], [0.6, 1.0]);

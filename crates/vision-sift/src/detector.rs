@@ -110,6 +110,29 @@ struct OrientedPoint {
     response: f32,
 }
 
+/// The stages of a detection, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// Doubling and the Gaussian pyramid.
+    ScaleSpace,
+    /// Differences of Gaussians, their extrema, refinement.
+    Extrema,
+    /// Orientations of the points.
+    Orientations,
+    /// Descriptors of the oriented points.
+    Descriptors,
+}
+
+impl Stage {
+    /// All stages in order.
+    pub const ALL: [Self; 4] = [
+        Self::ScaleSpace,
+        Self::Extrema,
+        Self::Orientations,
+        Self::Descriptors,
+    ];
+}
+
 /// Finds and describes keypoints; made once from its parameters.
 ///
 /// ```
@@ -176,7 +199,22 @@ impl Detector {
         workspace: &mut Workspace,
         features: &mut Features,
     ) -> Result<(), SiftError> {
-        self.detect_where(image, None, workspace, features);
+        self.detect_where(image, None, workspace, features, &mut |_| ());
+        Ok(())
+    }
+
+    /// As [`Detector::detect`], calling `done` after each stage: for measurements.
+    ///
+    /// # Errors
+    /// As [`Detector::detect`].
+    pub fn detect_observed(
+        &self,
+        image: &GrayImage<'_>,
+        workspace: &mut Workspace,
+        features: &mut Features,
+        done: &mut dyn FnMut(Stage),
+    ) -> Result<(), SiftError> {
+        self.detect_where(image, None, workspace, features, done);
         Ok(())
     }
 
@@ -201,7 +239,7 @@ impl Detector {
         if given != needed {
             return Err(SiftError::RegionSize { given, needed });
         }
-        self.detect_where(image, Some(region), workspace, features);
+        self.detect_where(image, Some(region), workspace, features, &mut |_| ());
         Ok(())
     }
 
@@ -211,10 +249,17 @@ impl Detector {
         region: Option<&GrayImage<'_>>,
         workspace: &mut Workspace,
         features: &mut Features,
+        done: &mut dyn FnMut(Stage),
     ) {
         features.keypoints.clear();
         features.descriptors.clear();
-        self.find_points(image, workspace);
+        let scale_space = &mut workspace.scale_space;
+        scale_space.start(self.simd, image, &self.params);
+        for octave in 0..scale_space.octaves() {
+            scale_space.build_octave(self.simd, octave, &self.kernels);
+        }
+        done(Stage::ScaleSpace);
+        self.find_points(workspace);
         if let Some(region) = region {
             workspace.points.retain(|p| {
                 let step = self.params.octave_step(p.octave);
@@ -225,12 +270,15 @@ impl Detector {
             });
         }
         self.keep_strongest_points(workspace);
+        done(Stage::Extrema);
         self.orient(workspace);
+        done(Stage::Orientations);
         self.describe(workspace, features);
+        done(Stage::Descriptors);
     }
 
-    /// Pyramid, extrema and refinement of all octaves into `workspace.points`.
-    fn find_points(&self, image: &GrayImage<'_>, workspace: &mut Workspace) {
+    /// Extrema and refinement of all octaves into `workspace.points`.
+    fn find_points(&self, workspace: &mut Workspace) {
         let Workspace {
             scale_space,
             blocks,
@@ -243,9 +291,7 @@ impl Detector {
             offsets: self.params.conventions.offset_limits(),
         };
         points.clear();
-        scale_space.start(self.simd, image, &self.params);
         for octave in 0..scale_space.octaves() {
-            scale_space.build_octave(self.simd, octave, &self.kernels);
             let differences = scale_space.differences(octave);
             let height = differences.height();
             let used = height.div_ceil(BLOCK_ROWS);

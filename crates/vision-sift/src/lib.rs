@@ -45,7 +45,7 @@ mod error;
 mod threads;
 
 pub use conventions::Conventions;
-pub use detector::{Detector, Features, Keypoint, Workspace, detect};
+pub use detector::{Detector, Features, Keypoint, Stage, Workspace, detect};
 pub use error::SiftError;
 pub use image::GrayImage;
 pub use params::{Normalisation, SiftParams};
