@@ -10,6 +10,9 @@ use vision_sift::{Features, GrayImage, Workspace};
 
 use crate::failure::Failure;
 
+/// The largest limit the configuration allows; no image of ordinary size has as many.
+const MAX_KEYPOINTS: u32 = 100_000;
+
 /// What to detect.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -19,6 +22,9 @@ pub(crate) struct Arguments {
     /// CSV file for one image, folder for several
     #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
+    /// Keep only the strongest keypoints of an image [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(10..=100_000))]
+    max_keypoints: Option<u32>,
 }
 
 /// Detects and writes.
@@ -27,7 +33,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let tables = arguments
         .images
         .iter()
-        .map(|path| Ok(csv(&detect(path)?.1)))
+        .map(|path| {
+            let limit = arguments.max_keypoints.unwrap_or(MAX_KEYPOINTS);
+            Ok(csv(&detect(path, Some(limit))?.1))
+        })
         .collect::<Result<Vec<_>, Failure>>()?;
     if let [table] = tables.as_slice()
         && !arguments.out.is_dir()
@@ -49,8 +58,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The grey image at `path` and its features under the default configuration.
-pub(crate) fn detect(path: &Path) -> Result<(image::GrayImage, Features), Failure> {
+/// The grey image at `path` and its features under the default configuration, but for the number of keypoints kept.
+pub(crate) fn detect(
+    path: &Path,
+    max_keypoints: Option<u32>,
+) -> Result<(image::GrayImage, Features), Failure> {
     let image = image::ImageReader::open(path)
         .map_err(|e| Failure::input(format!("{}: expected an image, {e}", path.display())))?
         .with_guessed_format()
@@ -63,9 +75,11 @@ pub(crate) fn detect(path: &Path) -> Result<(image::GrayImage, Features), Failur
             ))
         })?
         .into_luma8();
-    let config = Config::default()
-        .check()
-        .map_err(|e| Failure::input(e.to_string()))?;
+    let mut config = Config::default();
+    if let Some(limit) = max_keypoints {
+        config.features.max_keypoints = limit;
+    }
+    let config = config.check().map_err(|e| Failure::input(e.to_string()))?;
     let view = GrayImage::new(
         image.width() as usize,
         image.height() as usize,

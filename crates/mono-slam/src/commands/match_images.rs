@@ -33,8 +33,8 @@ pub(crate) struct Arguments {
 
 /// Matches and writes.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (image_a, a) = detect(&arguments.first)?;
-    let (image_b, b) = detect(&arguments.second)?;
+    let (image_a, a) = detect(&arguments.first, None)?;
+    let (image_b, b) = detect(&arguments.second, None)?;
     let matches = ratio_matches(&a, &b, arguments.ratio)
         .map_err(|e| Failure::input(format!("--ratio: {e}")))?;
     let mut table = String::from("xa,ya,xb,yb,distance,ratio\n");
