@@ -143,7 +143,7 @@ impl SiftParams {
             contrast_threshold: 0.04,
             edge_ratio: 10.0,
             base_sigma: 1.6,
-            camera_sigma: 0.3,
+            camera_sigma: 0.5,
             normalisation: Normalisation::Lowe,
             conventions: Conventions::opencv(),
         }
