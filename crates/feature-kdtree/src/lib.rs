@@ -11,6 +11,13 @@ mod index;
 mod kd_forest;
 mod kd_tree;
 mod matching;
+mod row_block;
+mod rows;
+#[expect(
+    unsafe_code,
+    reason = "the instructions of the scan are chosen at run time"
+)]
+mod simd;
 
 pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED, distance_squared};
 pub use error::IndexError;
