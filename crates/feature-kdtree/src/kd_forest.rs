@@ -233,6 +233,11 @@ impl DescriptorIndex for KdForest {
         self.search(query, accept)
     }
 
+    fn descriptor(&self, id: u32) -> Option<Descriptor> {
+        let slot = *self.slot_of.get(&id)?;
+        Some(self.descriptors[slot as usize])
+    }
+
     fn len(&self) -> usize {
         self.ids.len()
     }

@@ -7,6 +7,7 @@ mod best_bin_first;
 mod descriptor;
 mod error;
 mod exact_scan;
+mod id_map;
 mod index;
 mod kd_forest;
 mod kd_tree;
@@ -25,6 +26,7 @@ pub use exact_scan::ExactScan;
 pub use index::{DescriptorIndex, Neighbour, TwoNearest};
 pub use kd_forest::{KdForest, KdForestParams};
 pub use matching::{Match, match_descriptors, match_mutual};
+pub use simd::SimdLevel;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

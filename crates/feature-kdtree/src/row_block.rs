@@ -10,18 +10,23 @@
 //! components of sixteen rows, so sixteen dot products grow in the lanes of one register and no sum across
 //! lanes is ever needed.
 //!
-//! The two smallest distances are kept lane by lane without a branch: a *key* packs the distance (23 bits) over
-//! the number of the block in its run (9 bits), and each lane keeps its two smallest keys. All of it is integer
-//! arithmetic: every level of instructions gives the same bits.
+//! The dot products start from h = -(|q|^2 + p) / 2 instead of zero, p the parity of |q|^2, which makes b - 2 (h + s.r)
+//! = d + p without a further addition.
+//!
+//! The two smallest distances are kept lane by lane without a branch: a *key* packs d + p (23 bits) over the number
+//! of the block in its run (9 bits), and each lane keeps its two smallest keys. All of it is integer arithmetic:
+//! every level of instructions gives the same bits.
 
-use crate::{DESCRIPTOR_LENGTH, Descriptor};
+use crate::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED};
 
 /// Rows in a block: 32-bit lanes of a 512-bit register.
 pub(crate) const LANES: usize = 16;
 /// Groups of four components.
 pub(crate) const GROUPS: usize = DESCRIPTOR_LENGTH / 4;
-/// Bits of a key that number the block; 23 are left for [`crate::MAX_DISTANCE_SQUARED`].
+/// Bits of a key that number the block; 23 are left for [`crate::MAX_DISTANCE_SQUARED`] and the parity.
 pub(crate) const BLOCK_BITS: u32 = 9;
+/// The bits that number the block.
+pub(crate) const BLOCK_MASK: u32 = (1 << BLOCK_BITS) - 1;
 /// Blocks a key can number.
 pub(crate) const RUN_BLOCKS: usize = 1 << BLOCK_BITS;
 
@@ -89,112 +94,183 @@ impl RowBlock {
 pub(crate) struct PreparedQuery {
     /// q - 128, four signed bytes a group.
     pub(crate) bytes: [i32; GROUPS],
-    /// q - 128, sixteen-bit pairs of a group: components (0, 2), then (1, 3).
-    pub(crate) pairs: [[i32; 2]; GROUPS],
-    /// |q|^2.
-    pub(crate) norm_squared: u32,
+    /// q - 128, components 0 and 2 of a group, sixteen bits each.
+    pub(crate) even: [i32; GROUPS],
+    /// q - 128, components 1 and 3 of a group, sixteen bits each.
+    pub(crate) odd: [i32; GROUPS],
+    /// h, where the dot products start.
+    pub(crate) start: i32,
+    /// p, 0 or 1.
+    parity: u32,
 }
 
 impl PreparedQuery {
     pub(crate) fn new(query: &Descriptor) -> Self {
         let mut prepared = Self {
             bytes: [0; GROUPS],
-            pairs: [[0; 2]; GROUPS],
-            norm_squared: 0,
+            even: [0; GROUPS],
+            odd: [0; GROUPS],
+            start: 0,
+            parity: 0,
         };
         let (groups, _) = query.as_chunks::<4>();
+        // Bit tricks on whole words, which every compiler vectorises: both halves of a word less 128, without a
+        // borrow from one to the other.
+        let less_128 = |halves: u32| ((halves | 0x8000_8000) - 0x0080_0080) ^ 0x8000_8000;
         for (g, group) in groups.iter().enumerate() {
-            prepared.bytes[g] = i32::from_le_bytes(group.map(|byte| byte ^ 0x80));
-            let s = group.map(|byte| i32::from(byte) - 128);
-            // Two's complement halves of a word, the lower component in the lower half.
-            let pair = |low: i32, high: i32| (low & 0xffff) | (high << 16);
-            prepared.pairs[g] = [pair(s[0], s[2]), pair(s[1], s[3])];
+            let word = u32::from_le_bytes(*group);
+            prepared.bytes[g] = (word ^ 0x8080_8080).cast_signed();
+            prepared.even[g] = less_128(word & 0x00ff_00ff).cast_signed();
+            prepared.odd[g] = less_128(word >> 8 & 0x00ff_00ff).cast_signed();
         }
-        prepared.norm_squared = query
-            .iter()
-            .map(|&byte| u32::from(byte) * u32::from(byte))
-            .sum();
+        let mut norm_squared = 0_i32;
+        for &byte in query {
+            norm_squared += i32::from(byte) * i32::from(byte);
+        }
+        prepared.parity = (norm_squared & 1).cast_unsigned();
+        prepared.start = -((norm_squared + 1) >> 1);
         prepared
+    }
+
+    /// Squared distance packed in the key of a row.
+    #[inline]
+    pub(crate) fn distance_of(&self, key: u32) -> u32 {
+        self.distance_of_raw(key >> BLOCK_BITS)
+    }
+
+    /// d from d + p.
+    #[inline]
+    pub(crate) fn distance_of_raw(&self, raw: u32) -> u32 {
+        raw - self.parity
+    }
+
+    /// The distance d + p that the kernels write, for d or the largest d of a row if that is smaller.
+    #[inline]
+    pub(crate) fn raw(&self, distance_squared: u32) -> u32 {
+        distance_squared.min(MAX_DISTANCE_SQUARED) + self.parity
+    }
+
+    /// The largest key of a row at a squared distance.
+    #[inline]
+    pub(crate) fn last_key_at(&self, distance_squared: u32) -> u32 {
+        self.raw(distance_squared) << BLOCK_BITS | BLOCK_MASK
     }
 }
 
-/// The two smallest keys of each lane, over a run of blocks.
+/// What a query learns from a run of blocks.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub(crate) struct LaneBest {
+pub(crate) struct RunBest {
+    /// Smallest key of each lane.
     pub(crate) first: Lanes,
+    /// Second smallest key of each lane.
     pub(crate) second: Lanes,
+    /// Given: the largest key worth reporting. Returned: lowered to the largest at the second smallest distance.
+    pub(crate) limit: u32,
+    /// Lanes whose smallest key is within the limit.
+    pub(crate) first_within: u16,
+    /// Lanes whose second smallest key is.
+    pub(crate) second_within: u16,
 }
 
-impl LaneBest {
-    pub(crate) const NONE: Self = Self {
-        first: Lanes::LAST,
-        second: Lanes::LAST,
-    };
-}
-
-/// Squared distance packed in a key.
-#[inline]
-pub(crate) fn key_distance(key: u32) -> u32 {
-    key >> BLOCK_BITS
+impl RunBest {
+    /// Before the first block.
+    #[inline]
+    pub(crate) fn new(limit: u32) -> Self {
+        Self {
+            first: Lanes::LAST,
+            second: Lanes::LAST,
+            limit,
+            first_within: 0,
+            second_within: 0,
+        }
+    }
 }
 
 /// Number of the block packed in a key.
 #[inline]
 pub(crate) fn key_block(key: u32) -> usize {
-    (key & (RUN_BLOCKS as u32 - 1)) as usize
+    (key & BLOCK_MASK) as usize
 }
 
-/// Portable kernel: squared distances of a query to the rows of a block.
-///
-/// Written in lanes of sixteen bits two by two, so that the compiler finds the multiply-add instructions of SSE2
-/// (`pmaddwd`) and NEON (`smlal`).
+/// Portable kernel: d + p of a query and the rows of a block.
 #[inline]
-pub(crate) fn distances(block: &RowBlock, query: &PreparedQuery) -> Lanes {
-    let mut dots = [0_i32; LANES];
-    for (group, pairs) in block.groups.iter().zip(&query.pairs) {
-        let halves = |word: i32| (word as i16, (word >> 16) as i16);
-        let ((s0, s2), (s1, s3)) = (halves(pairs[0]), halves(pairs[1]));
+fn distances(block: &RowBlock, query: &PreparedQuery) -> Lanes {
+    let mut dots = [query.start; LANES];
+    for ((group, &even), &odd) in block.groups.iter().zip(&query.even).zip(&query.odd) {
         for (dot, row) in dots.iter_mut().zip(group) {
             let word = u32::from_le_bytes(*row);
-            let even = word & 0x00ff_00ff;
-            let odd = (word >> 8) & 0x00ff_00ff;
-            let product = |low: u32, s: i16| i32::from(low as i16).wrapping_mul(i32::from(s));
             *dot = dot
-                .wrapping_add(product(even, s0).wrapping_add(product(even >> 16, s2)))
-                .wrapping_add(product(odd, s1).wrapping_add(product(odd >> 16, s3)));
+                .wrapping_add(pair_product(word & 0x00ff_00ff, even))
+                .wrapping_add(pair_product(word >> 8 & 0x00ff_00ff, odd));
         }
     }
     let mut distances = [0; LANES];
     for lane in 0..LANES {
-        distances[lane] = query
-            .norm_squared
-            .wrapping_add_signed(block.bias[lane].wrapping_sub(dots[lane].wrapping_mul(2)));
+        let d = block.bias[lane].wrapping_sub(dots[lane].wrapping_mul(2));
+        distances[lane] = d.cast_unsigned();
     }
     Lanes(distances)
 }
 
-/// Portable kernel: the two smallest keys of every lane over a run of at most [`RUN_BLOCKS`] blocks.
-///
-/// `absent` has all bits in the lanes of the last block that hold no row.
+/// Sum of the products of the signed sixteen-bit halves.
 #[inline]
-pub(crate) fn lane_best(
+fn pair_product(a: u32, b: i32) -> i32 {
+    let a = a.cast_signed();
+    let low = i32::from(a as i16).wrapping_mul(i32::from(b as i16));
+    let high = (a >> 16).wrapping_mul(b >> 16);
+    low.wrapping_add(high)
+}
+
+/// Portable kernel of [`crate::SimdLevel::run_best`].
+pub(crate) fn run_best(
     run: &[RowBlock],
     absent: &Lanes,
     queries: &[&PreparedQuery],
-    best: &mut [LaneBest],
+    best: &mut [RunBest],
 ) {
     for (number, block) in (0_u32..).zip(run) {
         let last = number as usize + 1 == run.len();
+        let out = if last { *absent } else { Lanes([0; LANES]) };
         for (query, best) in queries.iter().zip(&mut *best) {
             let distances = distances(block, query);
             for lane in 0..LANES {
-                let out = if last { absent.0[lane] } else { 0 };
-                let key = (distances.0[lane] << BLOCK_BITS | number) | out;
+                let key = (distances.0[lane] << BLOCK_BITS | number) | out.0[lane];
                 let first = best.first.0[lane];
                 best.second.0[lane] = best.second.0[lane].min(first.max(key));
                 best.first.0[lane] = first.min(key);
             }
         }
     }
+    for best in best {
+        let (mut first, mut second) = (u32::MAX, u32::MAX);
+        for lane in 0..LANES {
+            let (a, b) = (best.first.0[lane], best.second.0[lane]);
+            second = second.min(b).min(first.max(a));
+            first = first.min(a);
+        }
+        best.limit = best.limit.min(second | BLOCK_MASK);
+        best.first_within = within(&best.first, best.limit);
+        best.second_within = within(&best.second, best.limit);
+    }
+}
+
+/// Portable kernel of [`crate::SimdLevel::distances`].
+pub(crate) fn run_distances(
+    run: &[RowBlock],
+    query: &PreparedQuery,
+    limit: u32,
+    out: &mut [(u16, Lanes)],
+) {
+    for (block, out) in run.iter().zip(out) {
+        let distances = distances(block, query);
+        *out = (within(&distances, limit), distances);
+    }
+}
+
+/// Lanes of at most `limit`, as bits.
+fn within(lanes: &Lanes, limit: u32) -> u16 {
+    (0..LANES).fold(0, |mask, lane| {
+        mask | u16::from(lanes.0[lane] <= limit) << lane
+    })
 }

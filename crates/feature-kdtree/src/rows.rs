@@ -12,17 +12,19 @@
 //!    the lower id. In rows sorted by id those kept are the lower ones already; otherwise the run is looked
 //!    through once more for everything up to the limit.
 
+use std::ops::Range;
+
 use crate::Descriptor;
-use crate::MAX_DISTANCE_SQUARED;
 use crate::Neighbour;
 use crate::index::BestTwo;
-use crate::row_block::{
-    LANES, LaneBest, Lanes, PreparedQuery, RUN_BLOCKS, RowBlock, key_block, key_distance,
-};
-use crate::simd::Level;
+use crate::row_block::{LANES, Lanes, PreparedQuery, RUN_BLOCKS, RowBlock, RunBest, key_block};
+use crate::simd::SimdLevel;
 
 /// Queries whose lanes are kept at a time; a multiple of what every level takes in a group.
 const QUERIES_AT_A_TIME: usize = 24;
+/// Blocks searched by all queries before the next are: what stays in the second-level cache.
+const BLOCKS_A_RUN: usize = 128;
+const _: () = assert!(BLOCKS_A_RUN <= RUN_BLOCKS);
 /// Blocks whose distances are written out at a time.
 const BLOCKS_AT_A_TIME: usize = 16;
 
@@ -86,13 +88,6 @@ impl Rows {
         self.sorted = last <= 1 || (self.sorted && position == last);
     }
 
-    /// Removes all rows, keeping the memory.
-    pub(crate) fn clear(&mut self) {
-        self.blocks.clear();
-        self.ids.clear();
-        self.sorted = true;
-    }
-
     /// Bytes on the heap.
     pub(crate) fn memory_usage(&self) -> usize {
         self.blocks.capacity() * size_of::<RowBlock>() + self.ids.capacity() * size_of::<u32>()
@@ -103,39 +98,30 @@ impl Rows {
     /// `members` may name any part of the queries; a query named twice is only searched twice.
     pub(crate) fn two_nearest_batch(
         &self,
-        level: Level,
+        level: SimdLevel,
         queries: &[PreparedQuery],
         members: &[u32],
         best: &mut [BestTwo],
     ) {
         let absent = self.absent();
-        for (run, start) in self
-            .blocks
-            .chunks(RUN_BLOCKS)
-            .zip((0..).step_by(RUN_BLOCKS))
-        {
-            let whole = if start + run.len() == self.blocks.len() {
-                &absent
-            } else {
-                &Lanes([0; LANES])
-            };
+        let full = Lanes([0; LANES]);
+        for start in (0..self.blocks.len()).step_by(BLOCKS_A_RUN) {
+            let span = start..self.blocks.len().min(start + BLOCKS_A_RUN);
+            let run = &self.blocks[span.clone()];
+            let ends = span.end == self.blocks.len();
+            let absent = if ends { &absent } else { &full };
             for members in members.chunks(QUERIES_AT_A_TIME) {
-                let mut lanes = [LaneBest::NONE; QUERIES_AT_A_TIME];
-                let lanes = &mut lanes[..members.len()];
                 let mut group = [&queries[members[0] as usize]; QUERIES_AT_A_TIME];
-                for (slot, &m) in group.iter_mut().zip(members) {
-                    *slot = &queries[m as usize];
+                let mut learnt = [RunBest::new(0); QUERIES_AT_A_TIME];
+                for (i, &m) in members.iter().enumerate() {
+                    group[i] = &queries[m as usize];
+                    let worst = best[m as usize].worst_distance_squared();
+                    learnt[i].limit = group[i].last_key_at(worst);
                 }
-                level.lane_best(run, whole, &group[..members.len()], lanes);
-                for (&m, lanes) in members.iter().zip(&*lanes) {
-                    let m = m as usize;
-                    self.join(
-                        level,
-                        start..start + run.len(),
-                        lanes,
-                        &queries[m],
-                        &mut best[m],
-                    );
+                let (group, learnt) = (&group[..members.len()], &mut learnt[..members.len()]);
+                level.run_best(run, absent, group, learnt);
+                for (i, &m) in members.iter().enumerate() {
+                    self.join(level, &span, &learnt[i], group[i], &mut best[m as usize]);
                 }
             }
         }
@@ -146,12 +132,12 @@ impl Rows {
     /// Asks `accept` only about rows near enough to be among the two nearest of the rows before them.
     pub(crate) fn two_nearest_where(
         &self,
-        level: Level,
+        level: SimdLevel,
         query: &PreparedQuery,
         accept: impl Fn(u32) -> bool,
         best: &mut BestTwo,
     ) {
-        self.offer_within(level, 0..self.blocks.len(), query, u32::MAX, accept, best);
+        self.offer_within(level, 0..self.blocks.len(), query, accept, best);
     }
 
     /// Lanes of the last block without a row.
@@ -163,62 +149,56 @@ impl Rows {
     #[inline]
     fn join(
         &self,
-        level: Level,
-        span: std::ops::Range<usize>,
-        lanes: &LaneBest,
+        level: SimdLevel,
+        span: &Range<usize>,
+        learnt: &RunBest,
         query: &PreparedQuery,
         best: &mut BestTwo,
     ) {
-        let limit = second_smallest(lanes)
-            .min(best.worst_distance_squared())
-            .min(MAX_DISTANCE_SQUARED);
-        let mut may_tie = false;
-        for lane in 0..LANES {
-            for (keys, is_second) in [(&lanes.first, false), (&lanes.second, true)] {
+        for (mask, keys) in [
+            (learnt.first_within, &learnt.first),
+            (learnt.second_within, &learnt.second),
+        ] {
+            for lane in bits(mask) {
                 let key = keys.0[lane];
-                if key_distance(key) <= limit {
-                    best.offer(Neighbour {
-                        distance_squared: key_distance(key),
-                        id: self.ids[(span.start + key_block(key)) * LANES + lane],
-                    });
-                    may_tie |= is_second;
-                }
+                best.offer(Neighbour {
+                    distance_squared: query.distance_of(key),
+                    id: self.ids[(span.start + key_block(key)) * LANES + lane],
+                });
             }
         }
-        if may_tie && !self.sorted {
-            self.offer_within(level, span, query, limit, |_| true, best);
+        if learnt.second_within != 0 && !self.sorted {
+            self.offer_within(level, span.clone(), query, |_| true, best);
         }
     }
 
-    /// Offers every accepted row of a span of blocks at a distance of at most `limit`.
+    /// Offers every accepted row of a span of blocks that may be among the two nearest.
     fn offer_within(
         &self,
-        level: Level,
-        span: std::ops::Range<usize>,
+        level: SimdLevel,
+        span: Range<usize>,
         query: &PreparedQuery,
-        limit: u32,
         accept: impl Fn(u32) -> bool,
         best: &mut BestTwo,
     ) {
-        let mut distances = [Lanes::LAST; BLOCKS_AT_A_TIME];
+        let mut distances = [(0, Lanes::LAST); BLOCKS_AT_A_TIME];
+        let mut limit = query.raw(best.worst_distance_squared());
         for start in span.clone().step_by(BLOCKS_AT_A_TIME) {
             let end = span.end.min(start + BLOCKS_AT_A_TIME);
-            level.distances(&self.blocks[start..end], query, &mut distances);
-            for (block, distances) in (start..end).zip(&distances) {
-                let mut limit = limit.min(best.worst_distance_squared());
-                let nearest = distances.0.iter().fold(u32::MAX, |least, &d| least.min(d));
-                if nearest > limit {
-                    continue;
-                }
-                // Stops at the last row: lanes without a row are not reached.
-                let ids = &self.ids[block * LANES..];
-                for (&distance_squared, &id) in distances.0.iter().zip(ids) {
-                    if distance_squared <= limit && accept(id) {
+            level.distances(&self.blocks[start..end], query, limit, &mut distances);
+            for (block, (mask, distances)) in (start..end).zip(&distances) {
+                for lane in bits(*mask) {
+                    let raw = distances.0[lane];
+                    // No id: a lane of the last block without a row.
+                    if let Some(&id) = self.ids.get(block * LANES + lane)
+                        && raw <= limit
+                        && accept(id)
+                    {
                         best.offer(Neighbour {
-                            distance_squared,
+                            distance_squared: query.distance_of_raw(raw),
                             id,
                         });
-                        limit = limit.min(best.worst_distance_squared());
+                        limit = query.raw(best.worst_distance_squared());
                     }
                 }
             }
@@ -226,21 +206,15 @@ impl Rows {
     }
 }
 
-/// Second smallest distance in the lanes.
+/// Positions of the bits set, ascending.
 #[inline]
-fn second_smallest(lanes: &LaneBest) -> u32 {
-    let (mut first, mut second) = (lanes.first, lanes.second);
-    let mut width = LANES;
-    while width > 1 {
-        width /= 2;
-        for lane in 0..width {
-            let other = lane + width;
-            let larger = first.0[lane].max(first.0[other]);
-            second.0[lane] = second.0[lane].min(second.0[other]).min(larger);
-            first.0[lane] = first.0[lane].min(first.0[other]);
-        }
-    }
-    key_distance(second.0[0])
+fn bits(mut mask: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        let some = mask != 0;
+        mask &= mask.wrapping_sub(1);
+        some.then_some(lane)
+    })
 }
 
 #[cfg(test)]
@@ -254,18 +228,21 @@ mod tests {
         std::array::from_fn(|_| values[rng.random_range(0..values.len())])
     }
 
-    fn naive(entries: &[(u32, Descriptor)], query: &Descriptor) -> BestTwo {
-        let mut best = BestTwo::default();
-        for (id, descriptor) in entries {
+    fn offer_all(
+        best: &mut BestTwo,
+        entries: &[(u32, Descriptor)],
+        query: &Descriptor,
+        accept: impl Fn(u32) -> bool,
+    ) {
+        for (id, descriptor) in entries.iter().filter(|(id, _)| accept(*id)) {
             best.offer(Neighbour {
                 distance_squared: distance_squared(query, descriptor),
                 id: *id,
             });
         }
-        best
     }
 
-    /// Bytes to draw components from: all, the extremes, and so few that most distances tie.
+    /// Bytes to draw components from: all, the extremes, one, and so few that most distances tie.
     fn kinds() -> [Vec<u8>; 4] {
         [
             (0..=255).collect(),
@@ -275,33 +252,131 @@ mod tests {
         ]
     }
 
-    #[test]
-    fn every_level_agrees_with_the_naive_model() {
+    /// Around the borders of blocks, register blocks and runs.
+    const SIZES: [usize; 18] = [
+        0, 1, 2, 3, 15, 16, 17, 31, 33, 64, 65, 80, 129, 300, 2047, 2048, 2049, 4100,
+    ];
+
+    fn check(ids: impl Fn(u32) -> u32, sorted: bool) {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let sizes = [0, 1, 2, 3, 15, 16, 17, 31, 33, 64, 65, 129, 300];
+        // 9 = 6 + 2 + 1 and 4 + 4 + 1: every size of group.
+        let all: Vec<u32> = (0..9).collect();
         for kind in kinds() {
-            for size in sizes {
+            for size in SIZES {
                 let mut rows = Rows::default();
                 let mut model = Vec::new();
-                for i in 0..size {
-                    // Ids neither dense nor sorted: an odd factor permutes the 32-bit words.
-                    let id = (i as u32).wrapping_mul(0x9e37_79b1);
+                for i in 0..size as u32 {
                     let descriptor = random(&mut rng, &kind);
-                    rows.push(id, &descriptor);
-                    model.push((id, descriptor));
+                    rows.push(ids(i), &descriptor);
+                    model.push((ids(i), descriptor));
                 }
-                let queries: Vec<Descriptor> = (0..53).map(|_| random(&mut rng, &kind)).collect();
+                assert!(rows.sorted == sorted || size < 3);
+                let queries: Vec<Descriptor> =
+                    all.iter().map(|_| random(&mut rng, &kind)).collect();
                 let prepared: Vec<_> = queries.iter().map(PreparedQuery::new).collect();
-                let members: Vec<u32> = (0..53).collect();
-                for level in Level::available() {
-                    let mut best = vec![BestTwo::default(); 53];
-                    rows.two_nearest_batch(level, &prepared, &members, &mut best);
-                    for (query, best) in queries.iter().zip(best) {
-                        let expected = naive(&model, query).finish();
-                        assert_eq!(best.finish(), expected, "{level:?}, {size} rows");
+                // Something found elsewhere before: at the distance of half the queries' nearest.
+                let elsewhere = [(u32::MAX, random(&mut rng, &kind))];
+                let third = |id: u32| id % 3 == 1;
+                for level in SimdLevel::available() {
+                    let mut best = vec![BestTwo::default(); queries.len()];
+                    for (query, best) in queries.iter().zip(&mut best).skip(4) {
+                        offer_all(best, &elsewhere, query, |_| true);
+                    }
+                    let before = best.clone();
+                    rows.two_nearest_batch(level, &prepared, &all, &mut best);
+                    for q in 0..queries.len() {
+                        let mut expected = before[q];
+                        offer_all(&mut expected, &model, &queries[q], |_| true);
+                        assert_eq!(best[q].finish(), expected.finish(), "{level:?}, {size}");
+                        let (mut expected, mut filtered) = (before[q], before[q]);
+                        offer_all(&mut expected, &model, &queries[q], third);
+                        rows.two_nearest_where(level, &prepared[q], third, &mut filtered);
+                        assert_eq!(filtered.finish(), expected.finish(), "{level:?}, {size}");
                     }
                 }
             }
         }
+    }
+
+    #[test]
+    fn every_level_agrees_with_the_naive_model_on_sorted_rows() {
+        check(|i| 3 * i, true);
+    }
+
+    #[test]
+    fn every_level_agrees_with_the_naive_model_on_unsorted_rows() {
+        // An odd factor permutes the 32-bit words.
+        check(|i| i.wrapping_mul(0x9e37_79b1), false);
+        check(|i| 1_000_000 - i, false);
+    }
+
+    #[test]
+    fn members_are_searched_and_others_left_alone() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let all: Vec<u8> = (0..=255).collect();
+        let mut rows = Rows::default();
+        for id in 0..100 {
+            rows.push(id, &random(&mut rng, &all));
+        }
+        let queries: Vec<_> = (0..60)
+            .map(|_| PreparedQuery::new(&random(&mut rng, &all)))
+            .collect();
+        let members: Vec<u32> = (0..60).filter(|m| m % 3 != 1).collect();
+        let level = SimdLevel::detected();
+        let mut best = vec![BestTwo::default(); 60];
+        rows.two_nearest_batch(level, &queries, &members, &mut best);
+        for m in 0..60 {
+            let mut alone = vec![BestTwo::default(); 60];
+            rows.two_nearest_batch(level, &queries, &[m as u32], &mut alone);
+            let expected = if m % 3 == 1 { None } else { alone[m].finish() };
+            assert_eq!(best[m].finish(), expected);
+        }
+        rows.two_nearest_batch(level, &queries, &[], &mut best);
+    }
+
+    #[test]
+    fn distances_are_exact_at_the_extremes() {
+        for (row, query) in [(0, 255), (255, 0), (255, 255), (0, 0), (128, 127)] {
+            // One bit of the norm is carried separately: both parities.
+            for odd in [0, 1] {
+                let (row, mut query) = ([row; 128], [query; 128]);
+                query[77] ^= odd;
+                let mut rows = Rows::default();
+                rows.push(5, &row);
+                for level in SimdLevel::available() {
+                    let mut best = [BestTwo::default()];
+                    rows.two_nearest_batch(level, &[PreparedQuery::new(&query)], &[0], &mut best);
+                    let expected = Neighbour {
+                        distance_squared: distance_squared(&row, &query),
+                        id: 5,
+                    };
+                    let found = best[0].finish().unwrap();
+                    assert_eq!((found.first, found.second), (expected, None), "{level:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn removal_moves_the_last_row_and_order_is_known() {
+        let mut rows = Rows::default();
+        let descriptor = |id: u32| [id as u8; 128];
+        for id in 0..33 {
+            rows.push(id, &descriptor(id));
+        }
+        rows.swap_remove(32);
+        assert!(rows.sorted && rows.len() == 32);
+        rows.swap_remove(3);
+        assert!(!rows.sorted);
+        assert_eq!(rows.ids()[3], 31);
+        for (position, &id) in rows.ids().iter().enumerate() {
+            assert_eq!(rows.descriptor(position), descriptor(id));
+        }
+        while rows.len() > 1 {
+            rows.swap_remove(0);
+        }
+        assert!(rows.sorted && rows.len() == 1);
+        rows.swap_remove(0);
+        assert!(rows.sorted && rows.blocks.is_empty());
     }
 }

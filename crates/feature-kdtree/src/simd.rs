@@ -9,14 +9,14 @@
 //! AVX2: 4 queries by 1 block, 8 accumulators; the bytes of a row vector are split into even and odd ones,
 //! each a vector of 16-bit pairs for `vpmaddwd`.
 
-use crate::row_block::{self, LaneBest, Lanes, PreparedQuery, RowBlock};
+use crate::row_block::{self, Lanes, PreparedQuery, RowBlock, RunBest};
 
 /// Instructions the scan runs on.
 ///
-/// Levels other than `Portable` come from [`Level::detected`] and [`Level::available`] only, hence exist only
-/// where the machine has the instructions; the calls below rest on that.
+/// The answers are the same on every level, bit for bit. A value comes from [`SimdLevel::detected`] or
+/// [`SimdLevel::available`] only, hence exists only where the machine has the instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Level(Kind);
+pub struct SimdLevel(Kind);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -27,9 +27,10 @@ enum Kind {
     Avx512Vnni,
 }
 
-impl Level {
+impl SimdLevel {
     /// The fastest level of this machine.
-    pub(crate) fn detected() -> Self {
+    #[must_use]
+    pub fn detected() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             if has_avx512_vnni() {
@@ -43,8 +44,8 @@ impl Level {
     }
 
     /// Every level of this machine, slowest first.
-    #[cfg(test)]
-    pub(crate) fn available() -> Vec<Self> {
+    #[must_use]
+    pub fn available() -> Vec<Self> {
         let mut levels = vec![Self(Kind::Portable)];
         #[cfg(target_arch = "x86_64")]
         {
@@ -58,47 +59,62 @@ impl Level {
         levels
     }
 
-    /// The two smallest keys of every lane over a run of at most [`row_block::RUN_BLOCKS`] blocks, for each query.
+    /// `portable`, `avx2` or `avx512-vnni`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Kind::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512Vnni => "avx512-vnni",
+        }
+    }
+
+    /// The two smallest keys of every lane over a run of at most [`row_block::RUN_BLOCKS`] blocks, for each query,
+    /// and which of them are within the limit.
     ///
     /// `best` has one element a query; `absent` has all bits in the lanes of the last block without a row.
     #[inline]
-    pub(crate) fn lane_best(
+    pub(crate) fn run_best(
         self,
         run: &[RowBlock],
         absent: &Lanes,
         queries: &[&PreparedQuery],
-        best: &mut [LaneBest],
+        best: &mut [RunBest],
     ) {
         debug_assert!(run.len() <= row_block::RUN_BLOCKS && queries.len() == best.len());
         match self.0 {
-            Kind::Portable => row_block::lane_best(run, absent, queries, best),
+            Kind::Portable => row_block::run_best(run, absent, queries, best),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a level exists only where its instructions do.
-            Kind::Avx2 => unsafe { avx2::lane_best(run, absent, queries, best) },
+            Kind::Avx2 => unsafe { avx2::run_best(run, absent, queries, best) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a level exists only where its instructions do.
-            Kind::Avx512Vnni => unsafe { avx512::lane_best(run, absent, queries, best) },
+            Kind::Avx512Vnni => unsafe { avx512::run_best(run, absent, queries, best) },
         }
     }
 
-    /// Squared distances of a query to the rows of each block; `out` is as long or longer.
+    /// d + p of a query and the rows of each block, with the lanes of at most `limit` as bits.
     ///
-    /// Lanes without a row hold anything.
+    /// Lanes without a row hold anything; `out` is as long as the run or longer.
     #[inline]
-    pub(crate) fn distances(self, run: &[RowBlock], query: &PreparedQuery, out: &mut [Lanes]) {
+    pub(crate) fn distances(
+        self,
+        run: &[RowBlock],
+        query: &PreparedQuery,
+        limit: u32,
+        out: &mut [(u16, Lanes)],
+    ) {
         let out = &mut out[..run.len()];
         match self.0 {
-            Kind::Portable => {
-                for (block, out) in run.iter().zip(out) {
-                    *out = row_block::distances(block, query);
-                }
-            }
+            Kind::Portable => row_block::run_distances(run, query, limit, out),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a level exists only where its instructions do.
-            Kind::Avx2 => unsafe { avx2::distances(run, query, out) },
+            Kind::Avx2 => unsafe { avx2::distances(run, query, limit, out) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a level exists only where its instructions do.
-            Kind::Avx512Vnni => unsafe { avx512::distances(run, query, out) },
+            Kind::Avx512Vnni => unsafe { avx512::distances(run, query, limit, out) },
         }
     }
 }
@@ -117,7 +133,9 @@ fn has_avx512_vnni() -> bool {
 mod avx512 {
     use std::arch::x86_64::*;
 
-    use crate::row_block::{BLOCK_BITS, GROUPS, LANES, LaneBest, Lanes, PreparedQuery, RowBlock};
+    use crate::row_block::{
+        BLOCK_BITS, BLOCK_MASK, GROUPS, LANES, Lanes, PreparedQuery, RowBlock, RunBest,
+    };
 
     #[inline]
     #[target_feature(enable = "avx512f")]
@@ -134,7 +152,7 @@ mod avx512 {
         unsafe { _mm512_storeu_si512(std::ptr::from_mut(&mut lanes.0).cast(), vector) }
     }
 
-    /// s.r of every query and block.
+    /// h + s.r of every query and block.
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
     fn dots<const Q: usize, const R: usize>(
@@ -142,6 +160,9 @@ mod avx512 {
         queries: [&PreparedQuery; Q],
     ) -> [[__m512i; R]; Q] {
         let mut sums = [[_mm512_setzero_si512(); R]; Q];
+        for q in 0..Q {
+            sums[q] = [_mm512_set1_epi32(queries[q].start); R];
+        }
         for g in 0..GROUPS {
             let mut rows = [_mm512_setzero_si512(); R];
             for r in 0..R {
@@ -157,15 +178,15 @@ mod avx512 {
         sums
     }
 
-    /// Joins R blocks to the best of Q queries; `out` takes rows out.
+    /// Joins R blocks to the best of Q queries; `absent` takes lanes out.
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
     fn join<const Q: usize, const R: usize>(
         blocks: &[RowBlock; R],
         number: usize,
-        out: __m512i,
+        absent: Option<&Lanes>,
         queries: [&PreparedQuery; Q],
-        best: &mut [LaneBest; Q],
+        best: &mut [RunBest; Q],
     ) {
         let sums = dots(blocks, queries);
         let mut base = [_mm512_setzero_si512(); R];
@@ -176,13 +197,14 @@ mod avx512 {
             );
         }
         for q in 0..Q {
-            let norm = _mm512_set1_epi32((queries[q].norm_squared << BLOCK_BITS).cast_signed());
             let mut first = load(&best[q].first.0);
             let mut second = load(&best[q].second.0);
             for r in 0..R {
                 let twice = _mm512_slli_epi32::<{ BLOCK_BITS + 1 }>(sums[q][r]);
-                let key = _mm512_sub_epi32(_mm512_add_epi32(base[r], norm), twice);
-                let key = _mm512_or_si512(key, out);
+                let mut key = _mm512_sub_epi32(base[r], twice);
+                if let Some(absent) = absent {
+                    key = _mm512_or_si512(key, load(&absent.0));
+                }
                 second = _mm512_min_epu32(second, _mm512_max_epu32(first, key));
                 first = _mm512_min_epu32(first, key);
             }
@@ -191,46 +213,63 @@ mod avx512 {
         }
     }
 
+    /// Lowers the limit to the second smallest distance and finds the lanes within it.
+    #[inline]
+    #[target_feature(enable = "avx512f")]
+    fn finish(best: &mut RunBest) {
+        let (first, second) = (load(&best.first.0), load(&best.second.0));
+        let (mut a, mut b) = (first, second);
+        // Two smallest of two lanes at a time: 16, 8, 4, 2 lanes.
+        for step in 0..4 {
+            let swap = |v| match step {
+                0 => _mm512_shuffle_i64x2::<0b01_00_11_10>(v, v),
+                1 => _mm512_shuffle_i64x2::<0b10_11_00_01>(v, v),
+                2 => _mm512_shuffle_epi32::<0b01_00_11_10>(v),
+                _ => _mm512_shuffle_epi32::<0b10_11_00_01>(v),
+            };
+            let other = swap(a);
+            b = _mm512_min_epu32(_mm512_min_epu32(b, swap(b)), _mm512_max_epu32(a, other));
+            a = _mm512_min_epu32(a, other);
+        }
+        let smallest = _mm512_cvtsi512_si32(b).cast_unsigned();
+        best.limit = best.limit.min(smallest | BLOCK_MASK);
+        let limit = _mm512_set1_epi32(best.limit.cast_signed());
+        best.first_within = _mm512_cmple_epu32_mask(first, limit);
+        best.second_within = _mm512_cmple_epu32_mask(second, limit);
+    }
+
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
     fn group<const Q: usize, const R: usize>(
         run: &[RowBlock],
         absent: &Lanes,
         queries: [&PreparedQuery; Q],
-        best: &mut [LaneBest; Q],
+        best: &mut [RunBest; Q],
     ) {
         let Some(full) = run.len().checked_sub(1) else {
             return;
         };
-        let none = _mm512_setzero_si512();
         let (wide, rest) = run[..full].as_chunks::<R>();
         for (i, blocks) in wide.iter().enumerate() {
-            join(blocks, i * R, none, queries, best);
+            join(blocks, i * R, None, queries, best);
         }
         for (i, block) in rest.iter().enumerate() {
-            join(
-                std::array::from_ref(block),
-                wide.len() * R + i,
-                none,
-                queries,
-                best,
-            );
+            let number = wide.len() * R + i;
+            join(std::array::from_ref(block), number, None, queries, best);
         }
-        join(
-            std::array::from_ref(&run[full]),
-            full,
-            load(&absent.0),
-            queries,
-            best,
-        );
+        let last = std::array::from_ref(&run[full]);
+        join(last, full, Some(absent), queries, best);
+        for best in best {
+            finish(best);
+        }
     }
 
     #[target_feature(enable = "avx512f,avx512vnni")]
-    pub(super) fn lane_best(
+    pub(super) fn run_best(
         run: &[RowBlock],
         absent: &Lanes,
         queries: &[&PreparedQuery],
-        best: &mut [LaneBest],
+        best: &mut [RunBest],
     ) {
         let (six, queries) = queries.as_chunks::<6>();
         let (best_six, best) = best.as_chunks_mut::<6>();
@@ -248,18 +287,21 @@ mod avx512 {
     }
 
     #[target_feature(enable = "avx512f,avx512vnni")]
-    pub(super) fn distances(run: &[RowBlock], query: &PreparedQuery, out: &mut [Lanes]) {
-        let (wide, rest) = run.as_chunks::<4>();
-        let (out_wide, out_rest) = out.as_chunks_mut::<4>();
+    pub(super) fn distances(
+        run: &[RowBlock],
+        query: &PreparedQuery,
+        limit: u32,
+        out: &mut [(u16, Lanes)],
+    ) {
+        let limit = _mm512_set1_epi32(limit.cast_signed());
+        let (wide, rest) = run.as_chunks::<8>();
+        let (out_wide, out_rest) = out.as_chunks_mut::<8>();
         for (blocks, out) in wide.iter().zip(out_wide) {
-            write_distances(blocks, query, out);
+            write_distances(blocks, query, limit, out);
         }
         for (block, out) in rest.iter().zip(out_rest) {
-            write_distances(
-                std::array::from_ref(block),
-                query,
-                std::array::from_mut(out),
-            );
+            let out = std::array::from_mut(out);
+            write_distances(std::array::from_ref(block), query, limit, out);
         }
     }
 
@@ -268,16 +310,15 @@ mod avx512 {
     fn write_distances<const R: usize>(
         blocks: &[RowBlock; R],
         query: &PreparedQuery,
-        out: &mut [Lanes; R],
+        limit: __m512i,
+        out: &mut [(u16, Lanes); R],
     ) {
         let [sums] = dots(blocks, [query]);
-        let norm = _mm512_set1_epi32(query.norm_squared.cast_signed());
         for r in 0..R {
-            let base = _mm512_add_epi32(load(&blocks[r].bias), norm);
-            store(
-                &mut out[r],
-                _mm512_sub_epi32(base, _mm512_slli_epi32::<1>(sums[r])),
-            );
+            let twice = _mm512_slli_epi32::<1>(sums[r]);
+            let distances = _mm512_sub_epi32(load(&blocks[r].bias), twice);
+            out[r].0 = _mm512_cmple_epu32_mask(distances, limit);
+            store(&mut out[r].1, distances);
         }
     }
 }
@@ -286,7 +327,9 @@ mod avx512 {
 mod avx2 {
     use std::arch::x86_64::*;
 
-    use crate::row_block::{BLOCK_BITS, GROUPS, LANES, LaneBest, Lanes, PreparedQuery, RowBlock};
+    use crate::row_block::{
+        BLOCK_BITS, BLOCK_MASK, GROUPS, LANES, Lanes, PreparedQuery, RowBlock, RunBest,
+    };
 
     /// A block is two vectors of eight lanes.
     type Pair = [__m256i; 2];
@@ -311,21 +354,33 @@ mod avx2 {
         }
     }
 
-    /// s.r of every query.
+    /// h + s.r of every query.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn dots<const Q: usize>(block: &RowBlock, queries: [&PreparedQuery; Q]) -> [Pair; Q] {
         let mut sums = [[_mm256_setzero_si256(); 2]; Q];
+        for q in 0..Q {
+            sums[q] = [_mm256_set1_epi32(queries[q].start); 2];
+        }
         let low_bytes = _mm256_set1_epi16(0x00ff);
         for g in 0..GROUPS {
             let rows = load(&block.groups[g]);
-            let even = rows.map(|row| _mm256_and_si256(row, low_bytes));
-            let odd = rows.map(|row| _mm256_srli_epi16::<8>(row));
-            for (part, rows) in [even, odd].into_iter().enumerate() {
+            for part in 0..2 {
+                let mut split = rows;
+                for half in 0..2 {
+                    split[half] = match part {
+                        0 => _mm256_and_si256(rows[half], low_bytes),
+                        _ => _mm256_srli_epi16::<8>(rows[half]),
+                    };
+                }
                 for q in 0..Q {
-                    let query = _mm256_set1_epi32(queries[q].pairs[g][part]);
+                    let query = match part {
+                        0 => queries[q].even[g],
+                        _ => queries[q].odd[g],
+                    };
+                    let query = _mm256_set1_epi32(query);
                     for half in 0..2 {
-                        let products = _mm256_madd_epi16(rows[half], query);
+                        let products = _mm256_madd_epi16(split[half], query);
                         sums[q][half] = _mm256_add_epi32(sums[q][half], products);
                     }
                 }
@@ -334,28 +389,32 @@ mod avx2 {
         sums
     }
 
+    /// Joins a block to the best of Q queries; `absent` takes lanes out.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn join<const Q: usize>(
         block: &RowBlock,
         number: usize,
-        out: Pair,
+        absent: Option<&Lanes>,
         queries: [&PreparedQuery; Q],
-        best: &mut [LaneBest; Q],
+        best: &mut [RunBest; Q],
     ) {
         let sums = dots(block, queries);
         let number = _mm256_set1_epi32(number as i32);
-        let bias = load(&block.bias);
+        let mut base = load(&block.bias);
+        for half in 0..2 {
+            let bias = _mm256_slli_epi32::<{ BLOCK_BITS as i32 }>(base[half]);
+            base[half] = _mm256_add_epi32(bias, number);
+        }
         for q in 0..Q {
-            let norm = _mm256_set1_epi32((queries[q].norm_squared << BLOCK_BITS).cast_signed());
-            let norm = _mm256_add_epi32(norm, number);
             let mut first = load(&best[q].first.0);
             let mut second = load(&best[q].second.0);
             for half in 0..2 {
-                let base =
-                    _mm256_add_epi32(_mm256_slli_epi32::<{ BLOCK_BITS as i32 }>(bias[half]), norm);
                 let twice = _mm256_slli_epi32::<{ BLOCK_BITS as i32 + 1 }>(sums[q][half]);
-                let key = _mm256_or_si256(_mm256_sub_epi32(base, twice), out[half]);
+                let mut key = _mm256_sub_epi32(base[half], twice);
+                if let Some(absent) = absent {
+                    key = _mm256_or_si256(key, load(&absent.0)[half]);
+                }
                 second[half] = _mm256_min_epu32(second[half], _mm256_max_epu32(first[half], key));
                 first[half] = _mm256_min_epu32(first[half], key);
             }
@@ -364,30 +423,72 @@ mod avx2 {
         }
     }
 
+    /// Lowers the limit to the second smallest distance and finds the lanes within it.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn finish(best: &mut RunBest) {
+        let (first, second) = (load(&best.first.0), load(&best.second.0));
+        let mut a = _mm256_min_epu32(first[0], first[1]);
+        let mut b = _mm256_min_epu32(
+            _mm256_min_epu32(second[0], second[1]),
+            _mm256_max_epu32(first[0], first[1]),
+        );
+        // Two smallest of two lanes at a time: 8, 4, 2 lanes.
+        for step in 0..3 {
+            let swap = |v| match step {
+                0 => _mm256_permute2x128_si256::<1>(v, v),
+                1 => _mm256_shuffle_epi32::<0b01_00_11_10>(v),
+                _ => _mm256_shuffle_epi32::<0b10_11_00_01>(v),
+            };
+            let other = swap(a);
+            b = _mm256_min_epu32(_mm256_min_epu32(b, swap(b)), _mm256_max_epu32(a, other));
+            a = _mm256_min_epu32(a, other);
+        }
+        let smallest = _mm256_cvtsi256_si32(b).cast_unsigned();
+        best.limit = best.limit.min(smallest | BLOCK_MASK);
+        best.first_within = within(first, best.limit);
+        best.second_within = within(second, best.limit);
+    }
+
+    /// Lanes of at most `limit`, as bits.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn within(pair: Pair, limit: u32) -> u16 {
+        let limit = _mm256_set1_epi32(limit.cast_signed());
+        let mut lanes = 0;
+        for half in 0..2 {
+            let fits = _mm256_cmpeq_epi32(_mm256_min_epu32(pair[half], limit), pair[half]);
+            lanes |= _mm256_movemask_ps(_mm256_castsi256_ps(fits)) << (8 * half);
+        }
+        lanes as u16
+    }
+
     #[inline]
     #[target_feature(enable = "avx2")]
     fn group<const Q: usize>(
         run: &[RowBlock],
         absent: &Lanes,
         queries: [&PreparedQuery; Q],
-        best: &mut [LaneBest; Q],
+        best: &mut [RunBest; Q],
     ) {
         let Some((last, full)) = run.split_last() else {
             return;
         };
-        let none = [_mm256_setzero_si256(); 2];
         for (number, block) in full.iter().enumerate() {
-            join(block, number, none, queries, best);
+            join(block, number, None, queries, best);
         }
-        join(last, full.len(), load(&absent.0), queries, best);
+        join(last, full.len(), Some(absent), queries, best);
+        for best in best {
+            finish(best);
+        }
     }
 
     #[target_feature(enable = "avx2")]
-    pub(super) fn lane_best(
+    pub(super) fn run_best(
         run: &[RowBlock],
         absent: &Lanes,
         queries: &[&PreparedQuery],
-        best: &mut [LaneBest],
+        best: &mut [RunBest],
     ) {
         let (four, queries) = queries.as_chunks::<4>();
         let (best_four, best) = best.as_chunks_mut::<4>();
@@ -400,17 +501,21 @@ mod avx2 {
     }
 
     #[target_feature(enable = "avx2")]
-    pub(super) fn distances(run: &[RowBlock], query: &PreparedQuery, out: &mut [Lanes]) {
-        let norm = _mm256_set1_epi32(query.norm_squared.cast_signed());
+    pub(super) fn distances(
+        run: &[RowBlock],
+        query: &PreparedQuery,
+        limit: u32,
+        out: &mut [(u16, Lanes)],
+    ) {
         for (block, out) in run.iter().zip(out) {
             let [sums] = dots(block, [query]);
-            let bias = load(&block.bias);
-            let mut distances = bias;
+            let mut distances = load(&block.bias);
             for half in 0..2 {
-                let base = _mm256_add_epi32(bias[half], norm);
-                distances[half] = _mm256_sub_epi32(base, _mm256_slli_epi32::<1>(sums[half]));
+                let twice = _mm256_slli_epi32::<1>(sums[half]);
+                distances[half] = _mm256_sub_epi32(distances[half], twice);
             }
-            store(out, distances);
+            out.0 = within(distances, limit);
+            store(&mut out.1, distances);
         }
     }
 }
