@@ -69,6 +69,18 @@ impl ExactScan {
         }
         gathered
     }
+
+    /// Ids of all entries, in the order of the rows.
+    pub(crate) fn ids(&self) -> &[u32] {
+        self.rows.ids()
+    }
+
+    /// All entries, in the order of the rows.
+    pub(crate) fn entries(&self) -> Vec<(u32, Descriptor)> {
+        let rows = 0..self.rows.len();
+        rows.map(|row| (self.rows.ids()[row], self.rows.descriptor(row)))
+            .collect()
+    }
 }
 
 impl DescriptorIndex for ExactScan {

@@ -141,7 +141,7 @@ impl PreparedQuery {
     /// d from d + p.
     #[inline]
     pub(crate) fn distance_of_raw(&self, raw: u32) -> u32 {
-        raw - self.parity
+        raw.wrapping_sub(self.parity)
     }
 
     /// The distance d + p that the kernels write, for d or the largest d of a row if that is smaller.
@@ -195,7 +195,7 @@ pub(crate) fn key_block(key: u32) -> usize {
 
 /// Portable kernel: d + p of a query and the rows of a block.
 #[inline]
-fn distances(block: &RowBlock, query: &PreparedQuery) -> Lanes {
+pub(crate) fn distances(block: &RowBlock, query: &PreparedQuery) -> Lanes {
     let mut dots = [query.start; LANES];
     for ((group, &even), &odd) in block.groups.iter().zip(&query.even).zip(&query.odd) {
         for (dot, row) in dots.iter_mut().zip(group) {
@@ -269,7 +269,7 @@ pub(crate) fn run_distances(
 }
 
 /// Lanes of at most `limit`, as bits.
-fn within(lanes: &Lanes, limit: u32) -> u16 {
+pub(crate) fn within(lanes: &Lanes, limit: u32) -> u16 {
     (0..LANES).fold(0, |mask, lane| {
         mask | u16::from(lanes.0[lane] <= limit) << lane
     })

@@ -25,6 +25,8 @@ const QUERIES_AT_A_TIME: usize = 24;
 /// Blocks searched by all queries before the next are: what stays in the second-level cache.
 const BLOCKS_A_RUN: usize = 128;
 const _: () = assert!(BLOCKS_A_RUN <= RUN_BLOCKS);
+/// Up to so many blocks memory grows by a block, beyond it doubles: many short lists would waste a third of it.
+const EXACT_BLOCKS: usize = 16;
 /// Blocks whose distances are written out at a time.
 const BLOCKS_AT_A_TIME: usize = 16;
 
@@ -69,11 +71,33 @@ impl Rows {
     pub(crate) fn push(&mut self, id: u32, descriptor: &Descriptor) {
         let position = self.ids.len();
         if position.is_multiple_of(LANES) {
+            if self.blocks.len() < EXACT_BLOCKS {
+                self.blocks.reserve_exact(1);
+                self.ids.reserve_exact(LANES);
+            }
             self.blocks.push(RowBlock::EMPTY);
         }
         self.blocks[position / LANES].set(position % LANES, descriptor);
         self.sorted &= self.ids.last().is_none_or(|&last| last < id);
         self.ids.push(id);
+    }
+
+    /// Squared distances of the query to all rows, by position.
+    pub(crate) fn distances(&self, level: SimdLevel, query: &PreparedQuery, out: &mut Vec<u32>) {
+        out.clear();
+        let mut distances = [(0, Lanes::LAST); BLOCKS_AT_A_TIME];
+        for blocks in self.blocks.chunks(BLOCKS_AT_A_TIME) {
+            level.distances(blocks, query, 0, &mut distances);
+            for (_, distances) in &distances[..blocks.len()] {
+                out.extend(distances.0.map(|raw| query.distance_of_raw(raw)));
+            }
+        }
+        out.truncate(self.ids.len());
+    }
+
+    /// The rows in blocks; lanes of the last block past [`Self::len`] hold anything.
+    pub(crate) fn blocks(&self) -> &[RowBlock] {
+        &self.blocks
     }
 
     /// Removes the row at a position below `len`; the last row takes its place.

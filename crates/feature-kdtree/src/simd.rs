@@ -9,6 +9,10 @@
 //! AVX2: 4 queries by 1 block, 8 accumulators; the bytes of a row vector are split into even and odd ones,
 //! each a vector of 16-bit pairs for `vpmaddwd`.
 
+mod near;
+
+pub(crate) use near::{NEAR_BLOCKS, NEAR_QUERIES, NearRows, prefetch};
+
 use crate::row_block::{self, Lanes, PreparedQuery, RowBlock, RunBest};
 
 /// Instructions the scan runs on.
@@ -139,7 +143,7 @@ mod avx512 {
 
     #[inline]
     #[target_feature(enable = "avx512f")]
-    fn load<T>(sixteen: &[T; LANES]) -> __m512i {
+    pub(super) fn load<T>(sixteen: &[T; LANES]) -> __m512i {
         const { assert!(size_of::<T>() == 4) };
         // SAFETY: the reference covers 64 readable bytes; the load asks for no alignment.
         unsafe { _mm512_loadu_si512(std::ptr::from_ref(sixteen).cast()) }
@@ -147,7 +151,7 @@ mod avx512 {
 
     #[inline]
     #[target_feature(enable = "avx512f")]
-    fn store(lanes: &mut Lanes, vector: __m512i) {
+    pub(super) fn store(lanes: &mut Lanes, vector: __m512i) {
         // SAFETY: the reference covers 64 writable bytes; the store asks for no alignment.
         unsafe { _mm512_storeu_si512(std::ptr::from_mut(&mut lanes.0).cast(), vector) }
     }
@@ -336,7 +340,7 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn load<T>(sixteen: &[T; LANES]) -> Pair {
+    pub(super) fn load<T>(sixteen: &[T; LANES]) -> Pair {
         const { assert!(size_of::<T>() == 4) };
         let start = std::ptr::from_ref(sixteen).cast::<__m256i>();
         // SAFETY: the reference covers 64 readable bytes, two vectors; the loads ask for no alignment.
@@ -345,7 +349,7 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn store(lanes: &mut Lanes, pair: Pair) {
+    pub(super) fn store(lanes: &mut Lanes, pair: Pair) {
         let start = std::ptr::from_mut(&mut lanes.0).cast::<__m256i>();
         // SAFETY: the reference covers 64 writable bytes, two vectors; the stores ask for no alignment.
         unsafe {
@@ -357,7 +361,10 @@ mod avx2 {
     /// h + s.r of every query.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn dots<const Q: usize>(block: &RowBlock, queries: [&PreparedQuery; Q]) -> [Pair; Q] {
+    pub(super) fn dots<const Q: usize>(
+        block: &RowBlock,
+        queries: [&PreparedQuery; Q],
+    ) -> [Pair; Q] {
         let mut sums = [[_mm256_setzero_si256(); 2]; Q];
         for q in 0..Q {
             sums[q] = [_mm256_set1_epi32(queries[q].start); 2];
@@ -453,7 +460,7 @@ mod avx2 {
     /// Lanes of at most `limit`, as bits.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn within(pair: Pair, limit: u32) -> u16 {
+    pub(super) fn within(pair: Pair, limit: u32) -> u16 {
         let limit = _mm256_set1_epi32(limit.cast_signed());
         let mut lanes = 0;
         for half in 0..2 {
