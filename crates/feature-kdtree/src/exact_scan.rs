@@ -13,7 +13,7 @@ use crate::id_map::IdMap;
 use crate::index::BestTwo;
 use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
-use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, SimdLevel, TwoNearest};
+use crate::{Descriptor, DescriptorIndex, IndexError, SimdLevel, TwoNearest};
 
 /// Queries prepared at a time, 0.5 KB each.
 const QUERIES_AT_A_TIME: usize = 480;
@@ -156,24 +156,4 @@ impl DescriptorIndex for ExactScan {
     fn memory_usage(&self) -> usize {
         self.rows.memory_usage() + self.position_of.memory_usage()
     }
-}
-
-/// The two nearest of parallel slices, among the accepted ids.
-pub(crate) fn scan(
-    ids: &[u32],
-    descriptors: &[Descriptor],
-    query: &Descriptor,
-    accept: impl Fn(u32) -> bool,
-) -> Option<TwoNearest> {
-    let mut best = BestTwo::default();
-    for (&id, descriptor) in ids.iter().zip(descriptors) {
-        let distance_squared = crate::distance_squared(query, descriptor);
-        if distance_squared <= best.worst_distance_squared() && accept(id) {
-            best.offer(Neighbour {
-                distance_squared,
-                id,
-            });
-        }
-    }
-    best.finish()
 }
