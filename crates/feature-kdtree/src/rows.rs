@@ -103,16 +103,32 @@ impl Rows {
         members: &[u32],
         best: &mut [BestTwo],
     ) {
-        let absent = self.absent();
-        let full = Lanes([0; LANES]);
+        match members.len() {
+            0 => {}
+            1 => self.search::<1>(level, queries, members, best),
+            2..=6 => self.search::<6>(level, queries, members, best),
+            _ => self.search::<QUERIES_AT_A_TIME>(level, queries, members, best),
+        }
+    }
+
+    /// The batch search with room for N queries: filling room that is not used costs as much as a short list.
+    fn search<const N: usize>(
+        &self,
+        level: SimdLevel,
+        queries: &[PreparedQuery],
+        members: &[u32],
+        best: &mut [BestTwo],
+    ) {
+        let used = self.ids.len() - self.blocks.len().saturating_sub(1) * LANES;
+        let (full, absent) = (Lanes([0; LANES]), Lanes::absent_from(used));
         for start in (0..self.blocks.len()).step_by(BLOCKS_A_RUN) {
             let span = start..self.blocks.len().min(start + BLOCKS_A_RUN);
             let run = &self.blocks[span.clone()];
             let ends = span.end == self.blocks.len();
             let absent = if ends { &absent } else { &full };
-            for members in members.chunks(QUERIES_AT_A_TIME) {
-                let mut group = [&queries[members[0] as usize]; QUERIES_AT_A_TIME];
-                let mut learnt = [RunBest::new(0); QUERIES_AT_A_TIME];
+            for members in members.chunks(N) {
+                let mut group = [&queries[members[0] as usize]; N];
+                let mut learnt = [RunBest::new(0); N];
                 for (i, &m) in members.iter().enumerate() {
                     group[i] = &queries[m as usize];
                     let worst = best[m as usize].worst_distance_squared();
@@ -138,11 +154,6 @@ impl Rows {
         best: &mut BestTwo,
     ) {
         self.offer_within(level, 0..self.blocks.len(), query, accept, best);
-    }
-
-    /// Lanes of the last block without a row.
-    fn absent(&self) -> Lanes {
-        Lanes::absent_from(self.ids.len() - self.blocks.len().saturating_sub(1) * LANES)
     }
 
     /// Steps 2 and 3 for the run of blocks `span`.

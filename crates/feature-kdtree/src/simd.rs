@@ -31,32 +31,15 @@ impl SimdLevel {
     /// The fastest level of this machine.
     #[must_use]
     pub fn detected() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if has_avx512_vnni() {
-                return Self(Kind::Avx512Vnni);
-            }
-            if has_avx2() {
-                return Self(Kind::Avx2);
-            }
-        }
-        Self(Kind::Portable)
+        let fastest = Kind::ALL.iter().rfind(|kind| kind.is_available());
+        Self(*fastest.unwrap_or(&Kind::Portable))
     }
 
     /// Every level of this machine, slowest first.
     #[must_use]
     pub fn available() -> Vec<Self> {
-        let mut levels = vec![Self(Kind::Portable)];
-        #[cfg(target_arch = "x86_64")]
-        {
-            if has_avx2() {
-                levels.push(Self(Kind::Avx2));
-            }
-            if has_avx512_vnni() {
-                levels.push(Self(Kind::Avx512Vnni));
-            }
-        }
-        levels
+        let available = Kind::ALL.iter().filter(|kind| kind.is_available());
+        available.map(|kind| Self(*kind)).collect()
     }
 
     /// `portable`, `avx2` or `avx512-vnni`.
@@ -119,14 +102,27 @@ impl SimdLevel {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2")
-}
+impl Kind {
+    /// Slowest first.
+    const ALL: &'static [Self] = &[
+        Self::Portable,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx2,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx512Vnni,
+    ];
 
-#[cfg(target_arch = "x86_64")]
-fn has_avx512_vnni() -> bool {
-    is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni")
+    fn is_available(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512Vnni => {
+                is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni")
+            }
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -152,26 +148,39 @@ mod avx512 {
         unsafe { _mm512_storeu_si512(std::ptr::from_mut(&mut lanes.0).cast(), vector) }
     }
 
-    /// h + s.r of every query and block.
+    /// h + s.r of every query and block, in C chains of additions: few short sums would wait for themselves.
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
-    fn dots<const Q: usize, const R: usize>(
+    fn dots<const Q: usize, const R: usize, const C: usize>(
         blocks: &[RowBlock; R],
         queries: [&PreparedQuery; Q],
     ) -> [[__m512i; R]; Q] {
+        let mut chains = [[[_mm512_setzero_si512(); C]; R]; Q];
+        for q in 0..Q {
+            for r in 0..R {
+                chains[q][r][0] = _mm512_set1_epi32(queries[q].start);
+            }
+        }
+        for g in (0..GROUPS).step_by(C) {
+            for c in 0..C {
+                let mut rows = [_mm512_setzero_si512(); R];
+                for r in 0..R {
+                    rows[r] = load(&blocks[r].groups[g + c]);
+                }
+                for q in 0..Q {
+                    let query = _mm512_set1_epi32(queries[q].bytes[g + c]);
+                    for r in 0..R {
+                        chains[q][r][c] = _mm512_dpbusd_epi32(chains[q][r][c], rows[r], query);
+                    }
+                }
+            }
+        }
         let mut sums = [[_mm512_setzero_si512(); R]; Q];
         for q in 0..Q {
-            sums[q] = [_mm512_set1_epi32(queries[q].start); R];
-        }
-        for g in 0..GROUPS {
-            let mut rows = [_mm512_setzero_si512(); R];
             for r in 0..R {
-                rows[r] = load(&blocks[r].groups[g]);
-            }
-            for q in 0..Q {
-                let query = _mm512_set1_epi32(queries[q].bytes[g]);
-                for r in 0..R {
-                    sums[q][r] = _mm512_dpbusd_epi32(sums[q][r], rows[r], query);
+                sums[q][r] = chains[q][r][0];
+                for c in 1..C {
+                    sums[q][r] = _mm512_add_epi32(sums[q][r], chains[q][r][c]);
                 }
             }
         }
@@ -181,14 +190,14 @@ mod avx512 {
     /// Joins R blocks to the best of Q queries; `absent` takes lanes out.
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
-    fn join<const Q: usize, const R: usize>(
+    fn join<const Q: usize, const R: usize, const C: usize>(
         blocks: &[RowBlock; R],
         number: usize,
         absent: Option<&Lanes>,
         queries: [&PreparedQuery; Q],
         best: &mut [RunBest; Q],
     ) {
-        let sums = dots(blocks, queries);
+        let sums = dots::<Q, R, C>(blocks, queries);
         let mut base = [_mm512_setzero_si512(); R];
         for r in 0..R {
             base[r] = _mm512_add_epi32(
@@ -240,7 +249,7 @@ mod avx512 {
 
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
-    fn group<const Q: usize, const R: usize>(
+    fn group<const Q: usize, const R: usize, const C: usize>(
         run: &[RowBlock],
         absent: &Lanes,
         queries: [&PreparedQuery; Q],
@@ -251,14 +260,14 @@ mod avx512 {
         };
         let (wide, rest) = run[..full].as_chunks::<R>();
         for (i, blocks) in wide.iter().enumerate() {
-            join(blocks, i * R, None, queries, best);
+            join::<Q, R, 1>(blocks, i * R, None, queries, best);
         }
         for (i, block) in rest.iter().enumerate() {
-            let number = wide.len() * R + i;
-            join(std::array::from_ref(block), number, None, queries, best);
+            let (block, number) = (std::array::from_ref(block), wide.len() * R + i);
+            join::<Q, 1, C>(block, number, None, queries, best);
         }
         let last = std::array::from_ref(&run[full]);
-        join(last, full, Some(absent), queries, best);
+        join::<Q, 1, C>(last, full, Some(absent), queries, best);
         for best in best {
             finish(best);
         }
@@ -274,15 +283,15 @@ mod avx512 {
         let (six, queries) = queries.as_chunks::<6>();
         let (best_six, best) = best.as_chunks_mut::<6>();
         for (queries, best) in six.iter().zip(best_six) {
-            group::<6, 4>(run, absent, *queries, best);
+            group::<6, 4, 1>(run, absent, *queries, best);
         }
         let (two, queries) = queries.as_chunks::<2>();
         let (best_two, best) = best.as_chunks_mut::<2>();
         for (queries, best) in two.iter().zip(best_two) {
-            group::<2, 4>(run, absent, *queries, best);
+            group::<2, 4, 2>(run, absent, *queries, best);
         }
         for (query, best) in queries.iter().zip(best) {
-            group::<1, 8>(run, absent, [query], std::array::from_mut(best));
+            group::<1, 8, 4>(run, absent, [query], std::array::from_mut(best));
         }
     }
 
@@ -294,26 +303,26 @@ mod avx512 {
         out: &mut [(u16, Lanes)],
     ) {
         let limit = _mm512_set1_epi32(limit.cast_signed());
-        let (wide, rest) = run.as_chunks::<8>();
-        let (out_wide, out_rest) = out.as_chunks_mut::<8>();
+        let (wide, rest) = run.as_chunks::<4>();
+        let (out_wide, out_rest) = out.as_chunks_mut::<4>();
         for (blocks, out) in wide.iter().zip(out_wide) {
-            write_distances(blocks, query, limit, out);
+            write_distances::<4, 1>(blocks, query, limit, out);
         }
         for (block, out) in rest.iter().zip(out_rest) {
             let out = std::array::from_mut(out);
-            write_distances(std::array::from_ref(block), query, limit, out);
+            write_distances::<1, 4>(std::array::from_ref(block), query, limit, out);
         }
     }
 
     #[inline]
     #[target_feature(enable = "avx512f,avx512vnni")]
-    fn write_distances<const R: usize>(
+    fn write_distances<const R: usize, const C: usize>(
         blocks: &[RowBlock; R],
         query: &PreparedQuery,
         limit: __m512i,
         out: &mut [(u16, Lanes); R],
     ) {
-        let [sums] = dots(blocks, [query]);
+        let [sums] = dots::<1, R, C>(blocks, [query]);
         for r in 0..R {
             let twice = _mm512_slli_epi32::<1>(sums[r]);
             let distances = _mm512_sub_epi32(load(&blocks[r].bias), twice);
