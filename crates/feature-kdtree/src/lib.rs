@@ -1,7 +1,8 @@
 //! Nearest neighbours of 128-byte descriptors in a map that grows every frame, and the matching built on them.
 //!
 //! Reading order: [`Descriptor`] and its distance, [`DescriptorIndex`] as the question every index answers,
-//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top.
+//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top. Inside, the
+//! exact scan is `row_block` (the arithmetic), `simd` (the instructions) and `rows` (storage and search).
 
 mod auto_index;
 mod best_bin_first;
@@ -20,9 +21,12 @@ mod matching;
 mod near_rows;
 mod row_block;
 mod rows;
-#[expect(
-    unsafe_code,
-    reason = "the instructions of the scan are chosen at run time"
+#[cfg_attr(
+    target_arch = "x86_64",
+    expect(
+        unsafe_code,
+        reason = "the instructions of the scan are chosen at run time"
+    )
 )]
 mod simd;
 mod smallest;

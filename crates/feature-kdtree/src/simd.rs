@@ -35,32 +35,15 @@ impl SimdLevel {
     /// The fastest level of this machine.
     #[must_use]
     pub fn detected() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if has_avx512_vnni() {
-                return Self(Kind::Avx512Vnni);
-            }
-            if has_avx2() {
-                return Self(Kind::Avx2);
-            }
-        }
-        Self(Kind::Portable)
+        let fastest = Kind::ALL.iter().rfind(|kind| kind.is_available());
+        Self(*fastest.unwrap_or(&Kind::Portable))
     }
 
     /// Every level of this machine, slowest first.
     #[must_use]
     pub fn available() -> Vec<Self> {
-        let mut levels = vec![Self(Kind::Portable)];
-        #[cfg(target_arch = "x86_64")]
-        {
-            if has_avx2() {
-                levels.push(Self(Kind::Avx2));
-            }
-            if has_avx512_vnni() {
-                levels.push(Self(Kind::Avx512Vnni));
-            }
-        }
-        levels
+        let available = Kind::ALL.iter().filter(|kind| kind.is_available());
+        available.map(|kind| Self(*kind)).collect()
     }
 
     /// `portable`, `avx2` or `avx512-vnni`.
@@ -123,14 +106,27 @@ impl SimdLevel {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2")
-}
+impl Kind {
+    /// Slowest first.
+    const ALL: &'static [Self] = &[
+        Self::Portable,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx2,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx512Vnni,
+    ];
 
-#[cfg(target_arch = "x86_64")]
-fn has_avx512_vnni() -> bool {
-    is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni")
+    fn is_available(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512Vnni => {
+                is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni")
+            }
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
