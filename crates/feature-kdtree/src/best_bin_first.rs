@@ -16,7 +16,10 @@ use std::collections::BinaryHeap;
 
 use crate::index::BestTwo;
 use crate::kd_tree::{KdTree, Node};
-use crate::{Descriptor, Neighbour, distance_squared};
+use crate::near_rows::{Collector, scan_near};
+use crate::row_block::PreparedQuery;
+use crate::simd::SimdLevel;
+use crate::{Descriptor, Neighbour};
 
 /// No turn away from the query yet.
 const NO_TURN: u32 = u32::MAX;
@@ -47,14 +50,18 @@ pub(crate) struct Found {
 
 /// Visits at most `max_leaves` non-empty leaves of all trees together.
 pub(crate) fn search(
+    level: SimdLevel,
     trees: &[KdTree],
-    ids: &[u32],
-    descriptors: &[Descriptor],
     query: &Descriptor,
     max_leaves: usize,
     accept: impl Fn(u32) -> bool,
 ) -> Found {
-    let mut best = BestTwo::default();
+    let prepared = PreparedQuery::new(query);
+    let prepared = std::slice::from_ref(&prepared);
+    let mut accepted = Accepted {
+        accept,
+        best: BestTwo::default(),
+    };
     let mut turns: Vec<Turn> = Vec::new();
     let mut heap: BinaryHeap<Reverse<Branch>> = (0..trees.len() as u32)
         .map(|tree| {
@@ -68,20 +75,20 @@ pub(crate) fn search(
         .collect();
     let mut leaves = 0;
     while let Some(Reverse(branch)) = heap.pop() {
-        if branch.cell_distance_squared > best.worst_distance_squared() {
+        if branch.cell_distance_squared > accepted.best.worst_distance_squared() {
             break;
         }
         if leaves == max_leaves {
             return Found {
-                best,
+                best: accepted.best,
                 cut_short: true,
             };
         }
         let tree = &trees[branch.tree as usize];
         let mut node = branch.node;
-        let slots = loop {
+        let rows = loop {
             match tree.node(node) {
-                Node::Leaf { slots } => break slots,
+                Node::Leaf { rows, .. } => break rows,
                 &Node::Split {
                     dimension,
                     threshold,
@@ -98,7 +105,7 @@ pub(crate) fn search(
                     let replaced = offset_squared_in(&turns, branch.turn, dimension);
                     let far_distance_squared =
                         branch.cell_distance_squared - replaced + offset_squared;
-                    if far_distance_squared <= best.worst_distance_squared() {
+                    if far_distance_squared <= accepted.best.worst_distance_squared() {
                         heap.push(Reverse(Branch {
                             cell_distance_squared: far_distance_squared,
                             tree: branch.tree,
@@ -115,26 +122,36 @@ pub(crate) fn search(
                 }
             }
         };
-        if slots.is_empty() {
+        if rows.len() == 0 {
             continue;
         }
         leaves += 1;
-        for &slot in slots {
-            let distance_squared = distance_squared(query, &descriptors[slot as usize]);
-            if distance_squared <= best.worst_distance_squared() {
-                let id = ids[slot as usize];
-                if accept(id) {
-                    best.offer(Neighbour {
-                        distance_squared,
-                        id,
-                    });
-                }
-            }
-        }
+        scan_near(level, rows, prepared, &[0], &mut accepted);
     }
     Found {
-        best,
+        best: accepted.best,
         cut_short: false,
+    }
+}
+
+/// The best two of the accepted entries.
+struct Accepted<F> {
+    accept: F,
+    best: BestTwo,
+}
+
+impl<F: Fn(u32) -> bool> Collector for Accepted<F> {
+    fn limit(&self, _: u32) -> u32 {
+        self.best.worst_distance_squared()
+    }
+
+    fn take(&mut self, _: u32, distance_squared: u32, id: u32) {
+        if distance_squared <= self.best.worst_distance_squared() && (self.accept)(id) {
+            self.best.offer(Neighbour {
+                distance_squared,
+                id,
+            });
+        }
     }
 }
 

@@ -45,12 +45,24 @@ pub trait DescriptorIndex {
 
     /// The two nearest among the entries whose id `accept` takes, or `None` when it takes none.
     ///
-    /// `accept` may be asked about any entry, any number of times, in any order.
+    /// `accept` may be asked about any entry, any number of times, in any order. Where the same entries are accepted
+    /// for many queries, a search of [`crate::ExactScan::gathered`] is far cheaper.
     fn two_nearest_where(
         &self,
         query: &Descriptor,
         accept: &dyn Fn(u32) -> bool,
     ) -> Option<TwoNearest>;
+
+    /// The two nearest of every query, in their order: what [`DescriptorIndex::two_nearest`] answers to each.
+    ///
+    /// `found` is emptied first; its memory is used again. Many queries at once cost less than one by one.
+    fn two_nearest_batch(&self, queries: &[Descriptor], found: &mut Vec<Option<TwoNearest>>) {
+        found.clear();
+        found.extend(queries.iter().map(|query| self.two_nearest(query)));
+    }
+
+    /// The descriptor of an entry, `None` when the id is not present.
+    fn descriptor(&self, id: u32) -> Option<Descriptor>;
 
     /// Number of entries.
     fn len(&self) -> usize;

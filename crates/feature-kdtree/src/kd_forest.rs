@@ -3,39 +3,45 @@
 //! Problem: the map holds tens of thousands of descriptors and grows every frame, and each frame asks for the
 //! two nearest of several hundred queries. An exact tree degrades to a scan in 128 dimensions; a few trees that
 //! cut space differently, searched together for a fixed number of leaves, find the nearest nearly always when
-//! the query is a view of an entry, which is the case that matters for matching.
+//! the query is a view of an entry, which is the case that matters for matching. Finding a leaf costs O(log n);
+//! the entries of a leaf are scanned together by the same kernel as [`crate::ExactScan`].
 //!
-//! Steps: insertion descends each tree and splits an overfull leaf; removal descends and deletes. After as many
-//! changes as there were entries at the last build the trees are built afresh, which keeps them balanced at
-//! O(log n) amortised splits a change whatever the order of insertion.
+//! Steps: insertion descends each tree and splits an overfull leaf; removal descends, deletes, and joins leaves
+//! left half empty. When a tree has seen as many changes as it had entries, or an entry lies deeper than twice the
+//! logarithm of the number of leaves, the tree is grown afresh in the background: two entries for each change, in
+//! scattered order, which makes the new tree balanced whatever the order of arrival was. The old tree answers until
+//! the new one is complete. So no change pays for a rebuild.
 //!
 //! Degenerate cases: equal entries share a leaf, which is searched whole, so the bound on leaves does not bound
 //! the work on thousands of equal descriptors. A search cut short with fewer than two accepted entries found
 //! falls back to a scan: when two accepted entries exist, two are reported.
 //!
-//! When not to use: below a few thousand entries, or when the answer must be exact: [`crate::ExactScan`].
+//! When not to use: below some thousand entries or when the answer must be exact, [`crate::ExactScan`] is better;
+//! for large maps of SIFT descriptors [`crate::InvertedLists`] find more in less time and half the memory.
 //! Which neighbours a bounded search misses depends on the history of insertions and removals; where a run must
 //! be repeatable from a reloaded state, call [`KdForest::rebuild`] when saving.
 
-use std::collections::HashMap;
-
 use crate::best_bin_first::search;
-use crate::exact_scan::scan;
 use crate::kd_tree::KdTree;
-use crate::{Descriptor, DescriptorIndex, IndexError, TwoNearest};
+use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, SimdLevel, TwoNearest};
 
-/// The trees are not rebuilt before this many changes.
-const LEAST_CHANGES_TO_REBUILD: usize = 64;
+/// A tree is not grown afresh before this many changes.
+const LEAST_CHANGES_TO_REGROW: usize = 256;
+/// Entries that enter the new tree for each change.
+const MOVES_A_CHANGE: usize = 2;
+/// Depth allowed beyond twice the logarithm of the number of full leaves.
+const DEPTH_SLACK: usize = 8;
 
 /// Shape of the forest and effort of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct KdForestParams {
-    /// Number of trees, 1 to 64. More trees find more and cost memory and insertion time. Default 4.
+    /// Number of trees, 1 to 64. More trees find more and cost memory (140 bytes an entry each) and insertion
+    /// time. Default 2.
     pub trees: usize,
-    /// Entries a leaf holds before it splits, at least 1. Default 16.
+    /// Entries a leaf holds before it splits, at least 1. Default 64.
     pub leaf_capacity: usize,
     /// Leaves one query may look at, all trees together, at least 1. `usize::MAX` makes the search exact,
-    /// and slower than [`crate::ExactScan`]. Default 64.
+    /// and slower than [`crate::ExactScan`]. Default 48.
     pub max_leaves: usize,
     /// Seed of the random choice of split components. Default 0.
     pub seed: u64,
@@ -44,9 +50,9 @@ pub struct KdForestParams {
 impl Default for KdForestParams {
     fn default() -> Self {
         Self {
-            trees: 4,
-            leaf_capacity: 16,
-            max_leaves: 64,
+            trees: 2,
+            leaf_capacity: 64,
+            max_leaves: 48,
             seed: 0,
         }
     }
@@ -77,6 +83,10 @@ impl KdForestParams {
         }
         Ok(())
     }
+
+    fn empty_tree(&self, tree: usize) -> KdTree {
+        KdTree::new(self.leaf_capacity, self.seed, tree as u64)
+    }
 }
 
 /// Randomised k-d trees over one set of descriptors, searched best bin first.
@@ -86,13 +96,31 @@ impl KdForestParams {
 #[derive(Debug, Clone)]
 pub struct KdForest {
     params: KdForestParams,
-    ids: Vec<u32>,
-    descriptors: Vec<Descriptor>,
-    // Looked up, never iterated: no hash order reaches an answer.
-    slot_of: HashMap<u32, u32>,
+    level: SimdLevel,
+    entries: ExactScan,
     trees: Vec<KdTree>,
-    entries_at_build: usize,
-    changes_since_build: usize,
+    /// Changes of each tree since it was grown, and its entries then.
+    ages: Vec<Age>,
+    regrowth: Option<Regrowth>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Age {
+    changes: usize,
+    entries_at_start: usize,
+    too_deep: bool,
+}
+
+/// A tree that is growing to take the place of another.
+#[derive(Debug, Clone)]
+struct Regrowth {
+    place: usize,
+    tree: KdTree,
+    /// Ids present at the start.
+    ids: Vec<u32>,
+    /// Of these, how many have been dealt with, in steps of `stride` around the list.
+    done: usize,
+    stride: usize,
 }
 
 impl KdForest {
@@ -102,17 +130,17 @@ impl KdForest {
     /// [`IndexError::ParameterTooSmall`] or [`IndexError::ParameterTooLarge`] naming the field out of range.
     pub fn new(params: KdForestParams) -> Result<Self, IndexError> {
         params.check()?;
-        let mut forest = Self {
+        let level = SimdLevel::detected();
+        Ok(Self {
             params,
-            ids: Vec::new(),
-            descriptors: Vec::new(),
-            slot_of: HashMap::new(),
-            trees: Vec::new(),
-            entries_at_build: 0,
-            changes_since_build: 0,
-        };
-        forest.build_trees();
-        Ok(forest)
+            level,
+            entries: ExactScan::with_level(level),
+            trees: (0..params.trees)
+                .map(|tree| params.empty_tree(tree))
+                .collect(),
+            ages: vec![Age::default(); params.trees],
+            regrowth: None,
+        })
     }
 
     /// The parameters the forest was made with.
@@ -121,108 +149,166 @@ impl KdForest {
         &self.params
     }
 
+    /// The largest number of splits above a leaf, over all trees. O(n / leaf_capacity).
+    #[must_use]
+    pub fn depth(&self) -> usize {
+        self.trees.iter().map(KdTree::depth).max().unwrap_or(0)
+    }
+
     /// Builds all trees afresh, as a function of the parameters and the present entries alone.
     ///
     /// Two forests with equal parameters and entries answer equally after it, and go on doing so under equal
-    /// changes, whatever their histories were. O(trees * n log n).
+    /// changes, whatever their histories were. The price of inserting all entries.
     pub fn rebuild(&mut self) {
-        let mut order: Vec<usize> = (0..self.ids.len()).collect();
-        order.sort_unstable_by_key(|&slot| self.ids[slot]);
-        self.descriptors = order.iter().map(|&slot| self.descriptors[slot]).collect();
-        self.ids.sort_unstable();
-        self.slot_of = (0_u32..)
-            .zip(&self.ids)
-            .map(|(slot, &id)| (id, slot))
-            .collect();
-        self.build_trees();
+        let mut ids = self.entries.ids().to_vec();
+        ids.sort_unstable();
+        self.entries = ExactScan::gathered(&self.entries, ids.iter().copied());
+        for place in 0..self.trees.len() {
+            let mut regrowth = self.start_regrowth(place);
+            while regrowth.advance(&self.entries) {}
+            self.finish_regrowth(regrowth);
+        }
+        self.regrowth = None;
     }
 
-    fn build_trees(&mut self) {
-        self.trees = (0..self.params.trees as u64)
-            .map(|stream| {
-                KdTree::build(
-                    &self.descriptors,
-                    self.params.leaf_capacity,
-                    self.params.seed,
-                    stream,
-                )
-            })
-            .collect();
-        self.entries_at_build = self.ids.len();
-        self.changes_since_build = 0;
-    }
-
-    fn count_change(&mut self) {
-        self.changes_since_build += 1;
-        if self.changes_since_build > self.entries_at_build.max(LEAST_CHANGES_TO_REBUILD) {
-            self.rebuild();
+    fn start_regrowth(&self, place: usize) -> Regrowth {
+        Regrowth {
+            place,
+            tree: self.params.empty_tree(place),
+            ids: self.entries.ids().to_vec(),
+            done: 0,
+            stride: scattering_stride(self.entries.len()),
         }
     }
 
-    fn search(&self, query: &Descriptor, accept: impl Fn(u32) -> bool) -> Option<TwoNearest> {
+    fn finish_regrowth(&mut self, regrowth: Regrowth) {
+        self.ages[regrowth.place] = Age {
+            entries_at_start: self.entries.len(),
+            ..Age::default()
+        };
+        self.trees[regrowth.place] = regrowth.tree;
+    }
+
+    /// Counts a change; goes on with the new tree, or starts one where it is due.
+    fn count_change(&mut self) {
+        for age in &mut self.ages {
+            age.changes += 1;
+        }
+        if let Some(mut regrowth) = self.regrowth.take() {
+            let mut more = true;
+            for _ in 0..MOVES_A_CHANGE {
+                more = more && regrowth.advance(&self.entries);
+            }
+            if more {
+                self.regrowth = Some(regrowth);
+            } else {
+                self.finish_regrowth(regrowth);
+            }
+        } else if let Some(place) = self.ages.iter().position(Age::is_due) {
+            self.regrowth = Some(self.start_regrowth(place));
+        }
+    }
+
+    fn depth_limit(&self) -> usize {
+        let full_leaves = self.entries.len() / self.params.leaf_capacity + 1;
+        2 * full_leaves.ilog2() as usize + DEPTH_SLACK
+    }
+
+    fn search(&self, query: &Descriptor, accept: &dyn Fn(u32) -> bool) -> Option<TwoNearest> {
         let found = search(
+            self.level,
             &self.trees,
-            &self.ids,
-            &self.descriptors,
             query,
             self.params.max_leaves,
-            &accept,
+            accept,
         );
         if found.cut_short && !found.best.is_full() {
-            return scan(&self.ids, &self.descriptors, query, accept);
+            return self.entries.two_nearest_where(query, accept);
         }
         found.best.finish()
     }
 }
 
+impl Age {
+    fn is_due(&self) -> bool {
+        let changes = self.changes.max(LEAST_CHANGES_TO_REGROW);
+        changes == self.changes
+            && (changes >= self.entries_at_start
+                || self.too_deep && changes >= self.entries_at_start / 4)
+    }
+}
+
+impl Regrowth {
+    /// Enters the next entry if it is there and not entered yet; `false` when all are dealt with.
+    fn advance(&mut self, entries: &ExactScan) -> bool {
+        if self.done == self.ids.len() {
+            return false;
+        }
+        // 64 bits: the product of two 32-bit numbers.
+        let position = self.done as u64 * self.stride as u64 % self.ids.len() as u64;
+        let id = self.ids[position as usize];
+        if let Some(descriptor) = entries.descriptor(id)
+            && !self.tree.contains(id, &descriptor)
+        {
+            self.tree.insert(id, &descriptor);
+        }
+        self.done += 1;
+        self.done < self.ids.len()
+    }
+}
+
+/// A step without a common factor with the length, near the golden section of it: steps around the list scatter
+/// over all of it from the start.
+fn scattering_stride(length: usize) -> usize {
+    let common_factor = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let near = length * 5 / 8 + 1;
+    (near..)
+        .find(|&stride| common_factor(stride, length) == 1)
+        .unwrap_or(1)
+}
+
 impl DescriptorIndex for KdForest {
     fn insert(&mut self, id: u32, descriptor: &Descriptor) -> Result<(), IndexError> {
-        if self.slot_of.contains_key(&id) {
-            return Err(IndexError::DuplicateId { id });
-        }
         // Node numbers are u32 as well, and a tree has fewer than two nodes an entry.
         const MOST: usize = (u32::MAX / 2) as usize;
-        if self.ids.len() >= MOST {
+        if self.entries.len() >= MOST && self.entries.descriptor(id).is_none() {
             return Err(IndexError::TooMany {
-                given: self.ids.len() + 1,
+                given: self.entries.len() + 1,
                 most: MOST,
             });
         }
-        let slot = self.ids.len() as u32;
-        self.ids.push(id);
-        self.descriptors.push(*descriptor);
-        self.slot_of.insert(id, slot);
-        for tree in &mut self.trees {
-            tree.insert(slot, &self.descriptors);
+        self.entries.insert(id, descriptor)?;
+        let depth_limit = self.depth_limit();
+        for (tree, age) in self.trees.iter_mut().zip(&mut self.ages) {
+            age.too_deep |= tree.insert(id, descriptor) > depth_limit;
+        }
+        if let Some(regrowth) = &mut self.regrowth {
+            regrowth.tree.insert(id, descriptor);
         }
         self.count_change();
         Ok(())
     }
 
     fn remove(&mut self, id: u32) -> bool {
-        let Some(slot) = self.slot_of.remove(&id) else {
+        let Some(descriptor) = self.entries.descriptor(id) else {
             return false;
         };
-        let last = self.ids.len() as u32 - 1;
-        let removed = self.descriptors[slot as usize];
-        let moved = self.descriptors[last as usize];
-        for tree in &mut self.trees {
-            tree.remove(slot, &removed);
-            if slot != last {
-                tree.rename(last, slot, &moved);
-            }
-        }
-        self.ids.swap_remove(slot as usize);
-        self.descriptors.swap_remove(slot as usize);
-        if slot != last {
-            self.slot_of.insert(self.ids[slot as usize], slot);
+        self.entries.remove(id);
+        let growing = self.regrowth.iter_mut().map(|regrowth| &mut regrowth.tree);
+        for tree in self.trees.iter_mut().chain(growing) {
+            tree.remove(id, &descriptor);
         }
         self.count_change();
         true
     }
 
-    fn two_nearest(&self, query: &Descriptor) -> Option<TwoNearest> {
-        self.search(query, |_| true)
+    fn descriptor(&self, id: u32) -> Option<Descriptor> {
+        self.entries.descriptor(id)
     }
 
     fn two_nearest_where(
@@ -234,14 +320,15 @@ impl DescriptorIndex for KdForest {
     }
 
     fn len(&self) -> usize {
-        self.ids.len()
+        self.entries.len()
     }
 
     fn memory_usage(&self) -> usize {
-        self.ids.capacity() * size_of::<u32>()
-            + self.descriptors.capacity() * size_of::<Descriptor>()
-            + self.slot_of.capacity() * size_of::<(u32, u32)>()
-            + self.trees.capacity() * size_of::<KdTree>()
+        let growing = self.regrowth.as_ref().map_or(0, |regrowth| {
+            regrowth.tree.memory_usage() + regrowth.ids.capacity() * size_of::<u32>()
+        });
+        self.entries.memory_usage()
             + self.trees.iter().map(KdTree::memory_usage).sum::<usize>()
+            + growing
     }
 }

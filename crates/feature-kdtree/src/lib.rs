@@ -1,23 +1,46 @@
 //! Nearest neighbours of 128-byte descriptors in a map that grows every frame, and the matching built on them.
 //!
 //! Reading order: [`Descriptor`] and its distance, [`DescriptorIndex`] as the question every index answers,
-//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top.
+//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top. Inside, the
+//! exact scan is `row_block` (the arithmetic), `simd` (the instructions) and `rows` (storage and search).
 
+mod auto_index;
 mod best_bin_first;
+mod cells;
 mod descriptor;
+mod directory;
 mod error;
 mod exact_scan;
+mod id_map;
+mod id_table;
 mod index;
+mod inverted_lists;
 mod kd_forest;
 mod kd_tree;
 mod matching;
+mod near_rows;
+mod row_block;
+mod rows;
+#[cfg_attr(
+    target_arch = "x86_64",
+    expect(
+        unsafe_code,
+        reason = "the instructions of the scan are chosen at run time"
+    )
+)]
+mod simd;
+mod smallest;
+mod two_means;
 
+pub use auto_index::{AutoIndex, IndexKind};
 pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED, distance_squared};
 pub use error::IndexError;
 pub use exact_scan::ExactScan;
 pub use index::{DescriptorIndex, Neighbour, TwoNearest};
+pub use inverted_lists::{InvertedLists, InvertedListsParams};
 pub use kd_forest::{KdForest, KdForestParams};
 pub use matching::{Match, match_descriptors, match_mutual};
+pub use simd::SimdLevel;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

@@ -8,7 +8,7 @@ use feature_kdtree::{
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Scene, naive_two_nearest, uniform};
+use support::{Scene, corpora, naive_two_nearest, queries_for};
 
 fn exact_forest(leaf_capacity: usize) -> KdForest {
     KdForest::new(KdForestParams {
@@ -18,57 +18,6 @@ fn exact_forest(leaf_capacity: usize) -> KdForest {
         seed: 5,
     })
     .expect("parameters are in range")
-}
-
-/// Descriptors by the name of what is degenerate about them.
-fn corpora() -> Vec<(&'static str, Vec<Descriptor>)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(11);
-    let mut scene = Scene::new(12, 20);
-    let few = scene.entries(3);
-    let in_plane = |rng: &mut ChaCha8Rng, constant: u8| {
-        let mut descriptor = [constant; 128];
-        descriptor[3] = rng.random();
-        descriptor[100] = rng.random();
-        descriptor
-    };
-    let on_line = |step: u8| {
-        let mut descriptor = [0; 128];
-        descriptor[127] = step;
-        descriptor
-    };
-    vec![
-        ("random", (0..300).map(|_| uniform(&mut rng)).collect()),
-        ("clustered", scene.entries(300)),
-        ("duplicated", (0..300).map(|i| few[i % 3]).collect()),
-        ("constant", vec![[17; 128]; 300]),
-        ("plane", (0..300).map(|_| in_plane(&mut rng, 0)).collect()),
-        (
-            "plane at 255",
-            (0..300).map(|_| in_plane(&mut rng, 255)).collect(),
-        ),
-        ("sorted line", (0..=255).map(on_line).collect()),
-        (
-            "two extremes",
-            (0..200)
-                .map(|i| [if i % 2 == 0 { 0 } else { 255 }; 128])
-                .collect(),
-        ),
-        ("one entry", vec![[1; 128]]),
-        ("two entries", vec![[1; 128], [2; 128]]),
-    ]
-}
-
-fn queries_for(entries: &[Descriptor]) -> Vec<Descriptor> {
-    let mut rng = ChaCha8Rng::seed_from_u64(13);
-    let mut scene = Scene::new(14, 4);
-    let mut queries: Vec<Descriptor> = (0..10).map(|_| uniform(&mut rng)).collect();
-    queries.extend([[0; 128], [255; 128], [17; 128]]);
-    for _ in 0..20 {
-        let entry = entries[rng.random_range(0..entries.len())];
-        queries.push(entry);
-        queries.push(scene.seen_again(&entry, 8.0));
-    }
-    queries
 }
 
 #[test]

@@ -92,3 +92,54 @@ pub(crate) fn naive_two_nearest(
         second: all.get(1).map(neighbour),
     })
 }
+
+/// Descriptors by the name of what is degenerate about them.
+pub(crate) fn corpora() -> Vec<(&'static str, Vec<Descriptor>)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let mut scene = Scene::new(12, 20);
+    let few = scene.entries(3);
+    let in_plane = |rng: &mut ChaCha8Rng, constant: u8| {
+        let mut descriptor = [constant; 128];
+        descriptor[3] = rng.random();
+        descriptor[100] = rng.random();
+        descriptor
+    };
+    let on_line = |step: u8| {
+        let mut descriptor = [0; 128];
+        descriptor[127] = step;
+        descriptor
+    };
+    vec![
+        ("random", (0..300).map(|_| uniform(&mut rng)).collect()),
+        ("clustered", scene.entries(300)),
+        ("duplicated", (0..300).map(|i| few[i % 3]).collect()),
+        ("constant", vec![[17; 128]; 300]),
+        ("plane", (0..300).map(|_| in_plane(&mut rng, 0)).collect()),
+        (
+            "plane at 255",
+            (0..300).map(|_| in_plane(&mut rng, 255)).collect(),
+        ),
+        ("sorted line", (0..=255).map(on_line).collect()),
+        (
+            "two extremes",
+            (0..200)
+                .map(|i| [if i % 2 == 0 { 0 } else { 255 }; 128])
+                .collect(),
+        ),
+        ("one entry", vec![[1; 128]]),
+        ("two entries", vec![[1; 128], [2; 128]]),
+    ]
+}
+
+pub(crate) fn queries_for(entries: &[Descriptor]) -> Vec<Descriptor> {
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let mut scene = Scene::new(14, 4);
+    let mut queries: Vec<Descriptor> = (0..10).map(|_| uniform(&mut rng)).collect();
+    queries.extend([[0; 128], [255; 128], [17; 128]]);
+    for _ in 0..20 {
+        let entry = entries[rng.random_range(0..entries.len())];
+        queries.push(entry);
+        queries.push(scene.seen_again(&entry, 8.0));
+    }
+    queries
+}

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use feature_kdtree::{DescriptorIndex as _, KdForest, KdForestParams, Match, match_descriptors};
+use feature_kdtree::{AutoIndex, DescriptorIndex as _, Match, match_descriptors};
 use image::{GrayImage, Rgb, RgbImage};
 use slam_pipeline::output::write_file;
 use vision_sift::Features;
@@ -64,7 +64,7 @@ fn ratio_matches(
     b: &Features,
     ratio: f32,
 ) -> Result<Vec<Match>, feature_kdtree::IndexError> {
-    let mut index = KdForest::new(KdForestParams::default())?;
+    let mut index = AutoIndex::new();
     for (id, descriptor) in b.descriptors.iter().enumerate() {
         index.insert(id as u32, descriptor)?;
     }

@@ -3,8 +3,8 @@
 //! 1. Predict every landmark in the reference particle, with the innovation
 //!    covariance S of pose prior, landmark and pixel noise; keep those in view.
 //! 2. Landmarks with a narrow gate take the nearest descriptor in it.
-//! 3. Descriptors: for every keypoint left, the two nearest landmarks in view by
-//!    the k-d forest, ratio test (Eq. 21), gate by S, one keypoint a landmark.
+//! 3. Descriptors: for every keypoint left, the two nearest landmarks in view,
+//!    exactly, ratio test (Eq. 21), gate by S, one keypoint a landmark.
 //! 4. Landmarks still without a keypoint look into their gates, however wide.
 //! 5. Consensus: robust pose posterior from all matches, then each match is
 //!    gated by what is left of S; repeated once without the outliers.
@@ -13,7 +13,7 @@
 
 use std::collections::BTreeMap;
 
-use feature_kdtree::{DescriptorIndex, distance_squared};
+use feature_kdtree::{Descriptor, DescriptorIndex as _, ExactScan, distance_squared};
 use nalgebra::{Matrix2, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -241,37 +241,33 @@ fn by_index(
     used: &mut [bool],
 ) {
     let ratio_squared = f64::from(params.ratio * params.ratio);
-    let candidates: Vec<Option<(u32, u32)>> = (0..frame.ideal.len())
-        .into_par_iter()
-        .map(|k| {
-            let pixel = frame.ideal[k]?;
-            if used[k] {
-                return None;
-            }
-            let nearest = catalogue
-                .index()
-                .two_nearest_where(&frame.features.descriptors[k], &|id| {
-                    in_view.contains_key(&id)
-                })?;
-            let first = nearest.first;
-            let distinct = nearest.second.is_none_or(|second| {
-                f64::from(first.distance_squared)
-                    < ratio_squared * f64::from(second.distance_squared)
-            });
-            let predicted = &in_view[&first.id];
-            (distinct
-                && mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) <= params.gate)
-                .then_some((first.id, first.distance_squared))
-        })
+    // The part of the map in view is small: a scan of a copy is exact and cheaper than a filtered search of all.
+    let visible = ExactScan::gathered(catalogue.index(), in_view.keys().copied());
+    let open: Vec<(usize, Vector2<f64>)> = (0..frame.ideal.len())
+        .filter(|&k| !used[k])
+        .filter_map(|k| Some((k, frame.ideal[k]?)))
         .collect();
+    let queries: Vec<Descriptor> = open
+        .iter()
+        .map(|(k, _)| frame.features.descriptors[*k])
+        .collect();
+    let mut nearest = Vec::new();
+    visible.two_nearest_batch(&queries, &mut nearest);
     let mut best: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
-    for (k, candidate) in candidates.into_iter().enumerate() {
-        if let Some((id, distance)) = candidate
-            && !pairs.contains_key(&id)
-        {
-            best.entry(id)
-                .and_modify(|b| *b = (*b).min((distance, k)))
-                .or_insert((distance, k));
+    for ((k, pixel), nearest) in open.into_iter().zip(nearest) {
+        let Some(nearest) = nearest else { continue };
+        let first = nearest.first;
+        let distinct = nearest.second.is_none_or(|second| {
+            f64::from(first.distance_squared) < ratio_squared * f64::from(second.distance_squared)
+        });
+        let predicted = &in_view[&first.id];
+        let gated =
+            mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance) <= params.gate;
+        if distinct && gated && !pairs.contains_key(&first.id) {
+            let candidate = (first.distance_squared, k);
+            best.entry(first.id)
+                .and_modify(|b| *b = (*b).min(candidate))
+                .or_insert(candidate);
         }
     }
     for (id, (_, k)) in best {

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use feature_kdtree::{
-    Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams, distance_squared,
+    AutoIndex, Descriptor, DescriptorIndex, IndexError, distance_squared,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -74,7 +74,7 @@ pub struct Entry {
 #[derive(Debug)]
 pub struct Catalogue {
     entries: BTreeMap<u32, Entry>,
-    index: KdForest,
+    index: AutoIndex,
     next_id: u32,
 }
 
@@ -86,7 +86,7 @@ impl Catalogue {
     pub fn new() -> Result<Self, IndexError> {
         Ok(Self {
             entries: BTreeMap::new(),
-            index: KdForest::new(KdForestParams::default())?,
+            index: AutoIndex::new(),
             next_id: 0,
         })
     }
@@ -113,7 +113,7 @@ impl Catalogue {
 
     /// The descriptor index over all entries.
     #[must_use]
-    pub fn index(&self) -> &KdForest {
+    pub fn index(&self) -> &AutoIndex {
         &self.index
     }
 

@@ -1,0 +1,375 @@
+//! Rows kept in cells, each near the centroid of its cell, while rows come and go.
+//!
+//! The nearest rows of a query lie mostly in the cells whose centroids are nearest, so a search scans those alone
+//! (inverted lists: Sivic and Zisserman 2003; Jégou, Douze and Schmid 2011). No training set is ever needed:
+//!
+//! 1. A row goes to the cell of the nearest centroid the directory finds.
+//! 2. A cell over its capacity is divided in two ([`crate::two_means`]); at most one division in
+//!    [`CHANGES_PER_DIVISION`] changes, the others wait in line. Two new cells come from one, and fill up only
+//!    after half a capacity of changes, so the line stays short and no change pays for more than one division.
+//! 3. After a division the rows of the neighbouring cells that are nearer to a new centroid move over (Xu et al.,
+//!    SPFresh, 2023). Without it rows sit behind borders that are no longer there and recall drops.
+//! 4. A cell that removals leave with less than an eighth of the capacity is dissolved: its rows go to their
+//!    nearest cells.
+//!
+//! Which centroid is nearest is asked of a [`Directory`]: either all centroids in a row, or again cells, of
+//! centroids. Two storeys make the cost of finding a cell O(n^(1/3)) with cells of constant size.
+//!
+//! Degenerate cases: rows that cannot be divided stay together over capacity; the next attempt waits until their
+//! number has doubled. An uneven division of many equal rows waits for an eighth more. So the work of an
+//! insertion is constant in the mean whatever the data are.
+//!
+//! Everything is a function of the sequence of changes: no randomness, no hash order.
+
+use std::collections::VecDeque;
+
+use crate::Descriptor;
+use crate::id_table::{IdTable, Place};
+use crate::row_block::PreparedQuery;
+use crate::rows::Rows;
+use crate::simd::{SimdLevel, prefetch};
+use crate::two_means::divide;
+
+/// At most one division in this many changes.
+const CHANGES_PER_DIVISION: u32 = 24;
+/// Cells around a divided one whose rows may move over.
+const NEIGHBOURS: usize = 8;
+/// A cell that removals leave with less than this share of the capacity is dissolved.
+const DISSOLVE_SHARE: usize = 8;
+
+/// Finds the cells whose centroids are nearest.
+pub(crate) trait Directory {
+    /// Adds the centroid of a new cell, or gives an old one another centroid.
+    fn set(&mut self, cell: u32, centroid: &Descriptor);
+
+    /// Forgets a cell.
+    fn remove(&mut self, cell: u32);
+
+    /// The centroid of a cell.
+    fn centroid(&self, cell: u32) -> Option<Descriptor>;
+
+    /// For each query the nearest `count` cells, or nearly: pairs of cell and position of the query.
+    fn nearest(&self, queries: &[PreparedQuery], count: usize) -> Vec<Visit>;
+
+    /// The nearest cell, or nearly; `None` only of an empty directory.
+    fn nearest_one(&self, query: &PreparedQuery) -> Option<u32>;
+
+    fn memory_usage(&self) -> usize;
+}
+
+/// A cell to be searched for a query.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Visit {
+    pub(crate) cell: u32,
+    /// Position in the batch.
+    pub(crate) query: u32,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Cell {
+    rows: Rows,
+    /// Divided when it holds more rows.
+    divide_above: usize,
+    /// Waits in line for its division.
+    in_line: bool,
+}
+
+/// Rows in cells, and the directory of the cells.
+#[derive(Debug, Clone)]
+pub(crate) struct Cells<D> {
+    level: SimdLevel,
+    capacity: usize,
+    directory: D,
+    cells: Vec<Cell>,
+    places: IdTable,
+    line: VecDeque<u32>,
+    changes_since_division: u32,
+}
+
+impl<D: Directory> Cells<D> {
+    pub(crate) fn new(level: SimdLevel, capacity: usize, directory: D) -> Self {
+        Self {
+            level,
+            capacity,
+            directory,
+            cells: Vec::new(),
+            places: IdTable::default(),
+            line: VecDeque::new(),
+            changes_since_division: CHANGES_PER_DIVISION,
+        }
+    }
+
+    /// Number of rows.
+    pub(crate) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    pub(crate) fn level(&self) -> SimdLevel {
+        self.level
+    }
+
+    pub(crate) fn cell_count(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// All rows, cell by cell.
+    pub(crate) fn entries(&self) -> Vec<(u32, Descriptor)> {
+        let of_cell = |cell: &Cell| {
+            let rows = cell.rows.clone();
+            (0..rows.len()).map(move |row| (rows.ids()[row], rows.descriptor(row)))
+        };
+        self.cells.iter().flat_map(of_cell).collect()
+    }
+
+    fn rows(&self, cell: u32) -> &Rows {
+        &self.cells[cell as usize].rows
+    }
+
+    pub(crate) fn contains(&self, id: u32) -> bool {
+        self.places.get(id).is_some()
+    }
+
+    pub(crate) fn get(&self, id: u32) -> Option<Descriptor> {
+        let place = self.places.get(id)?;
+        Some(self.rows(place.cell).descriptor(place.row as usize))
+    }
+
+    /// Adds a row under an id that is not present.
+    pub(crate) fn insert(&mut self, id: u32, descriptor: &Descriptor) {
+        let nearest = self.directory.nearest_one(&PreparedQuery::new(descriptor));
+        let cell = nearest.unwrap_or_else(|| self.add_cell(descriptor));
+        self.push(cell, id, descriptor);
+        self.change();
+    }
+
+    /// Removes a row; `false` when the id is not present.
+    pub(crate) fn remove(&mut self, id: u32) -> bool {
+        let Some(place) = self.places.remove(id) else {
+            return false;
+        };
+        self.take_out(place);
+        let left = self.rows(place.cell).len();
+        if left == 0 || (left < self.capacity / DISSOLVE_SHARE && self.cells.len() > 1) {
+            self.dissolve(place.cell);
+        }
+        self.change();
+        true
+    }
+
+    /// Calls `scan` once for each cell that is among the `probes` nearest of some query, with the positions of
+    /// those queries, ascending. When `probes` is at least the number of cells, every query visits every cell.
+    pub(crate) fn scan_nearest(
+        &self,
+        queries: &[PreparedQuery],
+        probes: usize,
+        mut scan: impl FnMut(&Rows, &[u32]),
+    ) {
+        if probes >= self.cells.len() {
+            let all: Vec<u32> = (0..queries.len() as u32).collect();
+            for cell in &self.cells {
+                scan(&cell.rows, &all);
+            }
+            return;
+        }
+        let visits = self.directory.nearest(queries, probes);
+        if queries.len() == 1 {
+            for visit in visits {
+                scan(&self.cells[visit.cell as usize].rows, &[0]);
+            }
+            return;
+        }
+        // Counting sort by cell.
+        let mut ends = vec![0_usize; self.cells.len() + 1];
+        for visit in &visits {
+            ends[visit.cell as usize + 1] += 1;
+        }
+        for cell in 1..ends.len() {
+            ends[cell] += ends[cell - 1];
+        }
+        let mut members = vec![0; visits.len()];
+        for visit in &visits {
+            let end = &mut ends[visit.cell as usize];
+            members[*end] = visit.query;
+            *end += 1;
+        }
+        let visited: Vec<(usize, usize, usize)> = (0..self.cells.len())
+            .map(|cell| (cell, if cell == 0 { 0 } else { ends[cell - 1] }, ends[cell]))
+            .filter(|&(_, start, end)| start < end)
+            .collect();
+        for (position, &(cell, start, end)) in visited.iter().enumerate() {
+            if let Some(&(next, ..)) = visited.get(position + 1) {
+                prefetch(self.cells[next].rows.blocks());
+            }
+            scan(&self.cells[cell].rows, &members[start..end]);
+        }
+    }
+
+    pub(crate) fn memory_usage(&self) -> usize {
+        let rows: usize = self.cells.iter().map(|cell| cell.rows.memory_usage()).sum();
+        rows + self.cells.capacity() * size_of::<Cell>()
+            + self.places.memory_usage()
+            + self.line.capacity() * size_of::<u32>()
+            + self.directory.memory_usage()
+    }
+
+    fn add_cell(&mut self, centroid: &Descriptor) -> u32 {
+        let cell = self.cells.len() as u32;
+        self.cells.push(Cell {
+            divide_above: self.capacity,
+            ..Cell::default()
+        });
+        self.directory.set(cell, centroid);
+        cell
+    }
+
+    /// Puts a row into a cell and the cell into the line if it is over capacity.
+    fn push(&mut self, cell: u32, id: u32, descriptor: &Descriptor) {
+        let into = &mut self.cells[cell as usize];
+        let row = into.rows.len();
+        into.rows.push(id, descriptor);
+        if row >= into.divide_above && !into.in_line {
+            into.in_line = true;
+            self.line.push_back(cell);
+        }
+        let row = row as u32;
+        self.places.set(id, Place { cell, row });
+    }
+
+    /// Takes a row out of its cell; its place in the table is the caller's business.
+    fn take_out(&mut self, place: Place) {
+        let rows = &mut self.cells[place.cell as usize].rows;
+        rows.swap_remove(place.row as usize);
+        if let Some(&moved) = rows.ids().get(place.row as usize) {
+            self.places.set(moved, place);
+        }
+    }
+
+    /// Counts a change and divides the first cell in the line when one is due.
+    fn change(&mut self) {
+        self.changes_since_division += 1;
+        if self.changes_since_division >= CHANGES_PER_DIVISION
+            && let Some(cell) = self.line.pop_front()
+        {
+            self.changes_since_division = 0;
+            self.cells[cell as usize].in_line = false;
+            self.divide(cell);
+        }
+    }
+
+    fn divide(&mut self, cell: u32) {
+        let rows = &self.cells[cell as usize].rows;
+        if rows.len() <= self.cells[cell as usize].divide_above {
+            return;
+        }
+        let Some(division) = divide(self.level, rows) else {
+            self.cells[cell as usize].divide_above = 2 * rows.len();
+            return;
+        };
+        let Some(before) = self.directory.centroid(cell) else {
+            return;
+        };
+        let whole = std::mem::take(&mut self.cells[cell as usize].rows);
+        let other = self.add_cell(&division.centroids[1]);
+        self.directory.set(cell, &division.centroids[0]);
+        for (row, &on_second) in division.on_second.iter().enumerate() {
+            let into = if on_second { other } else { cell };
+            self.push_quietly(into, whole.ids()[row], &whole.descriptor(row));
+        }
+        for half in [cell, other] {
+            let half = &mut self.cells[half as usize];
+            let more = (half.rows.len() / DISSOLVE_SHARE).max(1);
+            half.divide_above = self.capacity.max(half.rows.len() + more);
+        }
+        self.move_over(
+            [cell, other],
+            &division.centroids,
+            &PreparedQuery::new(&before),
+        );
+    }
+
+    /// [`Self::push`] for rows of which it is known that they do not fill the cell.
+    fn push_quietly(&mut self, cell: u32, id: u32, descriptor: &Descriptor) {
+        let rows = &mut self.cells[cell as usize].rows;
+        let row = rows.len() as u32;
+        rows.push(id, descriptor);
+        self.places.set(id, Place { cell, row });
+    }
+
+    /// Moves rows of the cells around to the halves of a division where these are nearer.
+    fn move_over(&mut self, halves: [u32; 2], centroids: &[Descriptor; 2], around: &PreparedQuery) {
+        let halves_prepared = centroids.each_ref().map(PreparedQuery::new);
+        let around = std::slice::from_ref(around);
+        let mut neighbours = self.directory.nearest(around, NEIGHBOURS + 2);
+        neighbours.sort_unstable();
+        let mut emptied = Vec::new();
+        let mut distances = [Vec::new(), Vec::new(), Vec::new()];
+        for Visit { cell, .. } in neighbours {
+            if halves.contains(&cell) {
+                continue;
+            }
+            let Some(own) = self.directory.centroid(cell) else {
+                continue;
+            };
+            let own = PreparedQuery::new(&own);
+            let [first, second] = &halves_prepared;
+            let rows = &self.cells[cell as usize].rows;
+            for (from, out) in [first, second, &own].into_iter().zip(&mut distances) {
+                rows.distances(self.level, from, out);
+            }
+            // From the back: what `take_out` moves into the gap has been looked at.
+            for row in (0..rows.len()).rev() {
+                let [first, second, own] = distances.each_ref().map(|of| of[row]);
+                if first.min(second) < own {
+                    let rows = self.rows(cell);
+                    let (id, descriptor) = (rows.ids()[row], rows.descriptor(row));
+                    let row = row as u32;
+                    self.take_out(Place { cell, row });
+                    self.push(halves[usize::from(second < first)], id, &descriptor);
+                }
+            }
+            if self.rows(cell).len() == 0 {
+                emptied.push(cell);
+            }
+        }
+        // Descending, so that no number of the others changes.
+        for &cell in emptied.iter().rev() {
+            self.dissolve(cell);
+        }
+    }
+
+    /// Removes a cell; its rows go to their nearest cells.
+    fn dissolve(&mut self, cell: u32) {
+        self.directory.remove(cell);
+        if self.cells[cell as usize].in_line {
+            self.line.retain(|&waiting| waiting != cell);
+        }
+        let gone = self.cells.swap_remove(cell as usize);
+        let last = self.cells.len() as u32;
+        if cell != last {
+            self.rename(last, cell);
+        }
+        for (row, &id) in gone.rows.ids().iter().enumerate() {
+            let descriptor = gone.rows.descriptor(row);
+            let nearest = self.directory.nearest_one(&PreparedQuery::new(&descriptor));
+            let into = nearest.unwrap_or_else(|| self.add_cell(&descriptor));
+            self.push(into, id, &descriptor);
+        }
+    }
+
+    /// The cell with number `from` has moved to the number `to`.
+    fn rename(&mut self, from: u32, to: u32) {
+        if let Some(centroid) = self.directory.centroid(from) {
+            self.directory.remove(from);
+            self.directory.set(to, &centroid);
+        }
+        let cell = &self.cells[to as usize];
+        for (row, &id) in (0..).zip(cell.rows.ids()) {
+            self.places.set(id, Place { cell: to, row });
+        }
+        if cell.in_line {
+            for waiting in self.line.iter_mut().filter(|waiting| **waiting == from) {
+                *waiting = to;
+            }
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Approximate search: lists of near descriptors, of which a query scans the few nearest.
+//!
+//! Problem: the map holds up to millions of descriptors and grows every frame; each frame asks for the two
+//! nearest of several hundred queries. A scan is exact and too slow; most entries are far from the query and
+//! can be known to be so from the list they are in.
+//!
+//! Steps of a batch of queries (Sivic and Zisserman 2003; Jégou, Douze and Schmid 2011):
+//! 1. Two storeys of centroids give each query its nearest lists, `probes` of them.
+//! 2. The visits are ordered by list, and each list is scanned once for all its queries, by the same kernel as
+//!    [`crate::ExactScan`]: memory is read once a batch, and distances are exact.
+//!
+//! Lists divide when they overflow and dissolve when they empty; nothing is trained, nothing is rebuilt.
+//!
+//! Degenerate cases: with fewer lists than `probes` the search is exact. Equal descriptors cannot be divided:
+//! they share a list, which is scanned whole. A filter that lets fewer than two entries of the lists searched
+//! pass makes the search go on, with four times as many lists each time, up to all of them: when two accepted
+//! entries exist, two are reported.
+//!
+//! When not to use: when the answer must be exact, or below some thousand entries ([`crate::ExactScan`]).
+//! Which neighbours are missed depends on the history of insertions and removals; where a run must be repeatable
+//! from a reloaded state, call [`InvertedLists::rebuild`] when saving.
+
+use crate::cells::Cells;
+use crate::directory::Flat;
+use crate::index::BestTwo;
+use crate::near_rows::{Collector, scan_near};
+use crate::row_block::PreparedQuery;
+use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, SimdLevel, TwoNearest};
+
+/// Centroids in a cell of the upper storey.
+const CENTROIDS_PER_CELL: usize = 128;
+/// Queries searched together, 1.5 KB of buffers each.
+const QUERIES_AT_A_TIME: usize = 512;
+/// Looked at whatever the number of lists is.
+const LEAST_PROBES: usize = 8;
+
+/// Size of the lists and effort of a search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct InvertedListsParams {
+    /// Entries a list holds before it is divided, at least 2. Default 128: shorter lists waste memory, longer ones
+    /// make the search coarser.
+    pub list_capacity: usize,
+    /// Lists a query looks at, at least 1; `usize::MAX` makes the search exact, and slower than
+    /// [`crate::ExactScan`]. Default `None`: by the number of lists, see [`InvertedLists::probes`].
+    pub probes: Option<usize>,
+}
+
+impl Default for InvertedListsParams {
+    fn default() -> Self {
+        Self {
+            list_capacity: 128,
+            probes: None,
+        }
+    }
+}
+
+impl InvertedListsParams {
+    fn check(&self) -> Result<(), IndexError> {
+        for (name, given, least) in [
+            ("list_capacity", self.list_capacity, 2),
+            ("probes", self.probes.unwrap_or(1), 1),
+        ] {
+            if given < least {
+                return Err(IndexError::ParameterTooSmall { name, given, least });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Lists of near descriptors, of which a query scans the nearest.
+///
+/// Deterministic: equal parameters and equal sequences of changes give equal answers, on any number of threads and
+/// any instructions. With lists of constant size a query of n entries costs O(probes + n^(1/3)) list lengths; a
+/// change costs O(n^(1/3)) of them in the mean and divides at most one list.
+#[derive(Debug, Clone)]
+pub struct InvertedLists {
+    params: InvertedListsParams,
+    level: SimdLevel,
+    lists: Cells<Cells<Flat>>,
+}
+
+impl InvertedLists {
+    /// An empty index on the fastest instructions of the machine.
+    ///
+    /// # Errors
+    /// [`IndexError::ParameterTooSmall`] naming the field out of range.
+    pub fn new(params: InvertedListsParams) -> Result<Self, IndexError> {
+        Self::with_level(params, SimdLevel::detected())
+    }
+
+    /// An empty index on given instructions, to test and measure them.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn with_level(params: InvertedListsParams, level: SimdLevel) -> Result<Self, IndexError> {
+        params.check()?;
+        Ok(Self {
+            params,
+            level,
+            lists: empty(level, params.list_capacity),
+        })
+    }
+
+    /// The parameters the index was made with.
+    #[must_use]
+    pub fn params(&self) -> &InvertedListsParams {
+        &self.params
+    }
+
+    /// Number of lists.
+    #[must_use]
+    pub fn list_count(&self) -> usize {
+        self.lists.cell_count()
+    }
+
+    /// Lists a query looks at now: `params.probes` or, by default, 12 of 100, 24 of 1000, 40 of 10 000.
+    #[must_use]
+    pub fn probes(&self) -> usize {
+        self.params
+            .probes
+            .unwrap_or_else(|| default_probes(self.lists.cell_count()))
+    }
+
+    /// The same index with another number of probes; `None` goes back to the default. O(1).
+    ///
+    /// # Errors
+    /// [`IndexError::ParameterTooSmall`] for zero; the index is then unchanged.
+    pub fn set_probes(&mut self, probes: Option<usize>) -> Result<(), IndexError> {
+        let params = InvertedListsParams {
+            probes,
+            ..self.params
+        };
+        params.check()?;
+        self.params = params;
+        Ok(())
+    }
+
+    /// Sorts all entries into lists afresh, as a function of the parameters and the present entries alone.
+    ///
+    /// Two indexes with equal parameters and entries answer equally after it, and go on doing so under equal
+    /// changes, whatever their histories were. The price of inserting all entries.
+    pub fn rebuild(&mut self) {
+        let mut entries = self.lists.entries();
+        entries.sort_unstable_by_key(|&(id, _)| id);
+        let mut lists = empty(self.level, self.params.list_capacity);
+        for (id, descriptor) in &entries {
+            lists.insert(*id, descriptor);
+        }
+        self.lists = lists;
+    }
+
+    /// Scans the nearest lists of each query.
+    fn scan(&self, queries: &[PreparedQuery], best: &mut Vec<TwoKeys>) {
+        self.lists
+            .scan_nearest(queries, self.probes(), |rows, members| {
+                scan_near(self.level, rows, queries, members, best);
+            });
+    }
+
+    /// What was found, or more of a search that found one entry where there are two.
+    fn complete(&self, query: &PreparedQuery, found: TwoKeys) -> Option<TwoNearest> {
+        if found.second == u64::MAX && self.lists.len() > 1 {
+            return self.search_on(query, self.probes(), &|_| true);
+        }
+        found.finish()
+    }
+
+    /// Scans more and more lists until two accepted entries are found or all lists are scanned.
+    fn search_on(
+        &self,
+        query: &PreparedQuery,
+        mut probes: usize,
+        accept: &dyn Fn(u32) -> bool,
+    ) -> Option<TwoNearest> {
+        let query = std::slice::from_ref(query);
+        let mut best = BestTwo::default();
+        loop {
+            self.lists.scan_nearest(query, probes, |rows, _| {
+                rows.two_nearest_where(self.level, &query[0], accept, &mut best);
+            });
+            if best.is_full() || probes >= self.lists.cell_count() {
+                return best.finish();
+            }
+            probes = probes.saturating_mul(4);
+        }
+    }
+
+    /// All entries, in no particular order.
+    pub(crate) fn entries(&self) -> Vec<(u32, Descriptor)> {
+        self.lists.entries()
+    }
+}
+
+/// Lists to look at by their number: 4 more for each doubling.
+///
+/// Measured on SIFT descriptors of photographs: 0.97 of the nearest found among ten thousand entries, 0.995 of the
+/// matches of the ratio test kept among a hundred thousand and 0.985 among a million, each with a margin.
+fn default_probes(lists: usize) -> usize {
+    let doublings = lists.max(1).ilog2() as usize;
+    (4 * doublings).saturating_sub(12).max(LEAST_PROBES)
+}
+
+fn empty(level: SimdLevel, list_capacity: usize) -> Cells<Cells<Flat>> {
+    let storey = Cells::new(level, CENTROIDS_PER_CELL, Flat::new(level));
+    Cells::new(level, list_capacity, storey)
+}
+
+impl DescriptorIndex for InvertedLists {
+    fn insert(&mut self, id: u32, descriptor: &Descriptor) -> Result<(), IndexError> {
+        if self.lists.contains(id) {
+            return Err(IndexError::DuplicateId { id });
+        }
+        // Ids are unique, so there are at most 2^32 entries, and list numbers and positions fit 32 bits.
+        self.lists.insert(id, descriptor);
+        Ok(())
+    }
+
+    fn remove(&mut self, id: u32) -> bool {
+        self.lists.remove(id)
+    }
+
+    fn descriptor(&self, id: u32) -> Option<Descriptor> {
+        self.lists.get(id)
+    }
+
+    fn two_nearest(&self, query: &Descriptor) -> Option<TwoNearest> {
+        let query = [PreparedQuery::new(query)];
+        let mut best = vec![TwoKeys::NONE];
+        self.scan(&query, &mut best);
+        self.complete(&query[0], best[0])
+    }
+
+    fn two_nearest_where(
+        &self,
+        query: &Descriptor,
+        accept: &dyn Fn(u32) -> bool,
+    ) -> Option<TwoNearest> {
+        self.search_on(&PreparedQuery::new(query), self.probes(), accept)
+    }
+
+    fn two_nearest_batch(&self, queries: &[Descriptor], found: &mut Vec<Option<TwoNearest>>) {
+        found.clear();
+        found.reserve(queries.len());
+        for queries in queries.chunks(QUERIES_AT_A_TIME) {
+            let queries: Vec<PreparedQuery> = queries.iter().map(PreparedQuery::new).collect();
+            let mut best = vec![TwoKeys::NONE; queries.len()];
+            self.scan(&queries, &mut best);
+            let best = queries.iter().zip(best);
+            found.extend(best.map(|(query, best)| self.complete(query, best)));
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.lists.len()
+    }
+
+    fn memory_usage(&self) -> usize {
+        self.lists.memory_usage()
+    }
+}
+
+/// Keys (distance over id) of the two nearest so far; all bits where there is none.
+#[derive(Debug, Clone, Copy)]
+struct TwoKeys {
+    first: u64,
+    second: u64,
+}
+
+impl TwoKeys {
+    const NONE: Self = Self {
+        first: u64::MAX,
+        second: u64::MAX,
+    };
+
+    fn finish(self) -> Option<TwoNearest> {
+        let neighbour = |key: u64| Neighbour {
+            distance_squared: (key >> 32) as u32,
+            id: key as u32,
+        };
+        let found = |key: u64| (key != u64::MAX).then(|| neighbour(key));
+        Some(TwoNearest {
+            first: found(self.first)?,
+            second: found(self.second),
+        })
+    }
+}
+
+impl Collector for Vec<TwoKeys> {
+    #[inline]
+    fn limit(&self, query: u32) -> u32 {
+        (self[query as usize].second >> 32) as u32
+    }
+
+    #[inline]
+    fn take(&mut self, query: u32, distance_squared: u32, id: u32) {
+        let best = &mut self[query as usize];
+        let key = u64::from(distance_squared) << 32 | u64::from(id);
+        if key < best.first {
+            best.second = best.first;
+            best.first = key;
+        } else if key < best.second {
+            best.second = key;
+        }
+    }
+}

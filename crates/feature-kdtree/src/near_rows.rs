@@ -1,0 +1,72 @@
+//! Scan of a short list for a few queries, of which most rows are known to be too far.
+//!
+//! [`crate::rows`] keeps the best of every lane, which pays over thousands of rows. In a list of a hundred rows,
+//! one of many for the query, the distance to beat is known from the lists before: the kernel compares with it and
+//! reports the few rows within. The order of rows and of queries does not matter to collectors that break ties by id.
+
+use crate::row_block::{LANES, PreparedQuery};
+use crate::rows::Rows;
+use crate::simd::{NEAR_BLOCKS, NEAR_QUERIES, NearRows, SimdLevel};
+
+/// What is collected for each query of a batch.
+pub(crate) trait Collector {
+    /// Distance above which no row is taken for the query.
+    fn limit(&self, query: u32) -> u32;
+
+    /// Takes a row, or not.
+    fn take(&mut self, query: u32, distance_squared: u32, id: u32);
+}
+
+/// Offers the collector all rows within the limits of `members`, which are positions in `queries`.
+pub(crate) fn scan_near(
+    level: SimdLevel,
+    rows: &Rows,
+    queries: &[PreparedQuery],
+    members: &[u32],
+    collector: &mut impl Collector,
+) {
+    // A buffer for one costs less to set up, and insertions ask for one at a time.
+    if let [_] = members {
+        scan_groups::<1>(level, rows, queries, members, collector);
+    } else {
+        scan_groups::<NEAR_QUERIES>(level, rows, queries, members, collector);
+    }
+}
+
+#[inline]
+fn scan_groups<const GROUP: usize>(
+    level: SimdLevel,
+    rows: &Rows,
+    queries: &[PreparedQuery],
+    members: &[u32],
+    collector: &mut impl Collector,
+) {
+    let mut near = [NearRows::NONE; GROUP];
+    let ids_of_runs = rows.ids().chunks(NEAR_BLOCKS * LANES);
+    for (run, ids) in rows.blocks().chunks(NEAR_BLOCKS).zip(ids_of_runs) {
+        for members in members.chunks(GROUP) {
+            let mut group = [&queries[0]; GROUP];
+            let mut limits = [0; GROUP];
+            for ((slot, limit), &member) in group.iter_mut().zip(&mut limits).zip(members) {
+                *slot = &queries[member as usize];
+                *limit = slot.raw(collector.limit(member));
+            }
+            let count = members.len();
+            level.near(run, &group[..count], &limits[..count], &mut near[..count]);
+            for ((near, query), &member) in near.iter().zip(group).zip(members) {
+                for (block, ids) in ids.chunks(LANES).enumerate() {
+                    let mut lanes = near.lanes[block];
+                    while lanes != 0 {
+                        let lane = lanes.trailing_zeros() as usize;
+                        lanes &= lanes - 1;
+                        // Lanes past the last row hold anything.
+                        if let Some(&id) = ids.get(lane) {
+                            let raw = near.distances[block].0[lane];
+                            collector.take(member, query.distance_of_raw(raw), id);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Divides the rows of a cell in two by a small deterministic 2-means (Lloyd 1982).
+//!
+//! Steps:
+//! 1. At most [`SAMPLE`] rows, evenly spaced, are taken to find the centroids.
+//! 2. Seeds: the row farthest from the mean, and the row farthest from that one.
+//! 3. At most [`ROUNDS`] times: each row goes to the nearer centroid, ties to the first; each centroid becomes the
+//!    mean of its rows, rounded to bytes.
+//! 4. All rows go to the nearer centroid. Where that leaves less than an eighth on one side, the rows are cut
+//!    instead near the middle of their order along the line through the centroids, between unequal neighbours.
+//!    A lone outlier would otherwise be split off again and again at the price of the whole cell each time.
+//!
+//! No randomness, no dependence on anything but the rows and their order. Work: O(SAMPLE * ROUNDS + rows).
+//!
+//! Degenerate cases: equal rows cannot be divided (`None`). Rows of which more than seven eighths are equal are
+//! divided unevenly, since equal rows always stay together.
+
+use std::cmp::Reverse;
+
+use crate::row_block::PreparedQuery;
+use crate::rows::Rows;
+use crate::simd::SimdLevel;
+use crate::{DESCRIPTOR_LENGTH, Descriptor};
+
+/// Rows that the centroids are found from.
+const SAMPLE: usize = 256;
+/// Rounds of Lloyd's iteration.
+const ROUNDS: usize = 6;
+/// The smaller side gets one row in this many, unless too many rows are equal.
+const LEAST_SHARE: usize = 8;
+
+/// Two centroids and the side of each row.
+#[derive(Debug)]
+pub(crate) struct Division {
+    pub(crate) centroids: [Descriptor; 2],
+    /// True for the rows of the second centroid, by position.
+    pub(crate) on_second: Vec<bool>,
+}
+
+/// Divides the rows, or says that they cannot be divided.
+pub(crate) fn divide(level: SimdLevel, rows: &Rows) -> Option<Division> {
+    let descriptors: Vec<Descriptor> = (0..rows.len()).map(|row| rows.descriptor(row)).collect();
+    let step = rows.len().div_ceil(SAMPLE);
+    let mut centroids = seeds(level, rows, &descriptors, step)?;
+    let thinned = (step > 1).then(|| thin(rows, &descriptors, step));
+    let (sample, sampled) = match &thinned {
+        Some((sample, sampled)) => (sample, sampled),
+        None => (rows, &descriptors),
+    };
+    let mut before = Vec::new();
+    for _ in 0..ROUNDS {
+        let sides = nearer(level, sample, &centroids);
+        if sides == before {
+            break;
+        }
+        let Some(means) = means_of_sides(sampled, &sides) else {
+            break;
+        };
+        centroids = means;
+        before = sides;
+    }
+    let mut on_second = nearer(level, rows, &centroids);
+    let second = on_second.iter().filter(|&&side| side).count();
+    let least = (rows.len() / LEAST_SHARE).max(1);
+    if second.min(rows.len() - second) < least {
+        on_second = cut_near_the_middle(level, rows, &centroids, least).unwrap_or(on_second);
+    }
+    Some(Division {
+        centroids: means_of_sides(&descriptors, &on_second)?,
+        on_second,
+    })
+}
+
+/// Two different rows far apart; `None` when all are equal.
+fn seeds(
+    level: SimdLevel,
+    rows: &Rows,
+    descriptors: &[Descriptor],
+    step: usize,
+) -> Option<[Descriptor; 2]> {
+    let mean = mean_of(descriptors.iter().step_by(step.max(1)))?;
+    let farthest = |from: &Descriptor| {
+        let distances = distances(level, rows, from);
+        let position = (0..rows.len()).max_by_key(|&row| (distances[row], Reverse(row)))?;
+        Some(descriptors[position])
+    };
+    let first = farthest(&mean)?;
+    let second = farthest(&first)?;
+    (first != second).then_some([first, second])
+}
+
+/// Every `step`-th row.
+fn thin(rows: &Rows, descriptors: &[Descriptor], step: usize) -> (Rows, Vec<Descriptor>) {
+    let sampled: Vec<Descriptor> = descriptors.iter().step_by(step).copied().collect();
+    let mut sample = Rows::default();
+    for (&id, descriptor) in rows.ids().iter().step_by(step).zip(&sampled) {
+        sample.push(id, descriptor);
+    }
+    (sample, sampled)
+}
+
+fn distances(level: SimdLevel, rows: &Rows, from: &Descriptor) -> Vec<u32> {
+    let mut distances = Vec::new();
+    rows.distances(level, &PreparedQuery::new(from), &mut distances);
+    distances
+}
+
+/// Whether the second centroid is the nearer one, row by row.
+fn nearer(level: SimdLevel, rows: &Rows, [first, second]: &[Descriptor; 2]) -> Vec<bool> {
+    let to_first = distances(level, rows, first);
+    let to_second = distances(level, rows, second);
+    to_first
+        .iter()
+        .zip(&to_second)
+        .map(|(first, second)| second < first)
+        .collect()
+}
+
+/// The cut nearest the middle of the order along the line through the centroids that leaves `least` rows on each
+/// side and equal positions together; `None` when there is none.
+fn cut_near_the_middle(
+    level: SimdLevel,
+    rows: &Rows,
+    [first, second]: &[Descriptor; 2],
+    least: usize,
+) -> Option<Vec<bool>> {
+    let to_first = distances(level, rows, first);
+    let to_second = distances(level, rows, second);
+    let position = |row: usize| i64::from(to_first[row]) - i64::from(to_second[row]);
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_unstable_by_key(|&row| (position(row), row));
+    let cut = (least..=rows.len().saturating_sub(least))
+        .filter(|&cut| position(order[cut - 1]) < position(order[cut]))
+        .min_by_key(|cut| cut.abs_diff(rows.len() / 2))?;
+    let mut on_second = vec![false; rows.len()];
+    for &row in &order[cut..] {
+        on_second[row] = true;
+    }
+    Some(on_second)
+}
+
+fn means_of_sides(descriptors: &[Descriptor], on_second: &[bool]) -> Option<[Descriptor; 2]> {
+    let mean_of_side = |wanted: bool| {
+        let of_side = descriptors.iter().zip(on_second);
+        mean_of(of_side.filter_map(|(descriptor, &side)| (side == wanted).then_some(descriptor)))
+    };
+    Some([mean_of_side(false)?, mean_of_side(true)?])
+}
+
+/// Mean of each component, rounded to the nearest byte; `None` of nothing.
+fn mean_of<'a>(descriptors: impl Iterator<Item = &'a Descriptor>) -> Option<Descriptor> {
+    let mut sums = [0_u32; DESCRIPTOR_LENGTH];
+    let mut count = 0_u32;
+    for descriptor in descriptors {
+        count += 1;
+        for i in 0..DESCRIPTOR_LENGTH {
+            // At most 2^24 rows of 255 fit; a cell is far smaller.
+            sums[i] = sums[i].wrapping_add(u32::from(descriptor[i]));
+        }
+    }
+    (count > 0).then(|| sums.map(|sum| ((sum + count / 2) / count) as u8))
+}
