@@ -5,7 +5,8 @@ One command, unattended; the data is made first where it is missing (nearest_nei
     python nearest_neighbours.py --data DIR --images PATH... --outside PATH... \\
         --ours "target/release/examples/scale DIR {size}" --rounds 5 --out results/nearest-neighbours
 
-Writes OUT.csv after every size, then OUT.md and OUT.svg (plot_nearest_neighbours.py draws them again from the CSV).
+Writes OUT.csv, OUT.md and OUT.svg after every size (plot_nearest_neighbours.py draws them again from the CSV).
+A million descriptors take most of the time: the three graphs are built in minutes each.
 `--sizes`, `--rounds`, `--core`, `--skip NAME...` narrow a run. Times are wall-clock; `--cpu-time` takes the peers'
 from the processor's clock instead, for a machine that is not quiet. A peer that is not installed is named and left out.
 
@@ -45,6 +46,7 @@ for name in ("OMP", "OPENBLAS", "MKL", "RAYON"):
 import cv2
 import numpy as np
 
+sys.dont_write_bytecode = True
 import nearest_neighbours_data as data
 import plot_nearest_neighbours as plot
 
@@ -375,7 +377,7 @@ def main() -> None:
             table = csv.DictWriter(file, COLUMNS, restval="")
             table.writeheader()
             table.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    plot.main(options.out.with_suffix(".csv"), options.out.with_suffix(".svg"), options.out.with_suffix(".md"))
+        plot.main(options.out.with_suffix(".csv"), options.out.with_suffix(".svg"), options.out.with_suffix(".md"))
 
 
 if __name__ == "__main__":

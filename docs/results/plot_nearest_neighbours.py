@@ -3,8 +3,8 @@
     python plot_nearest_neighbours.py TABLE.csv [PICTURE] [TABLE.md]
 
 The figure compares at comparable quality: at each size an index shows its fastest setting that keeps at least 97 % of
-the exact ratio-test matches, and no point where none does. Dashed lines are exact methods. The name of the picture
-may end in .png. Needs numpy and matplotlib.
+the exact ratio-test matches, and no point where none does; a number at the end of a name is its setting. Dashed lines
+are exact methods. The name of the picture may end in .png. Needs numpy and matplotlib.
 """
 
 import csv
@@ -21,7 +21,7 @@ import numpy as np
 KEPT = 0.97
 EXACT = "#555555"
 COLOURS = {"ours": "#0072B2", "FLANN": "#D55E00", "HNSW": "#CC79A7", "IVF": "#009E73"}
-SETTING = r"[ ,;(]+(checks|ef|nprobe|probes?|leaves|lists)\b.*$"
+SETTING = r"([ ,;(_=-]+(checks|ef|nprobe|probes?|leaves))?[ ,;(_=:-]+[\dx]+\)?$"
 
 
 def read(path: Path) -> list[dict]:
