@@ -287,7 +287,11 @@ def grow(peer: Peer, rows: np.ndarray, start: int) -> tuple[float, float]:
 def ours(command: str, folder: Path, size: int) -> list[dict]:
     """The rows our command prints for a size."""
     line = command.replace("{size}", str(size)).replace("{data}", str(folder))
-    run = subprocess.run(shlex.split(line), stdout=subprocess.PIPE, text=True)
+    try:
+        run = subprocess.run(shlex.split(line), stdout=subprocess.PIPE, text=True)
+    except OSError as error:
+        print(f"ours failed ({error}): {line}", file=sys.stderr)
+        return []
     if run.returncode:
         print(f"ours failed ({run.returncode}): {line}", file=sys.stderr)
     rows = csv.DictReader(line for line in run.stdout.splitlines() if not line.startswith("#"))

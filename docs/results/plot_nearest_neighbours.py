@@ -20,7 +20,7 @@ import numpy as np
 
 KEPT = 0.97
 EXACT = "#555555"
-COLOURS = {"ours": "#0072B2", "FLANN": "#D55E00", "HNSW": "#CC79A7", "IVF": "#009E73"}
+COLOURS = {"ours": "#0072B2", "FLANN": "#D55E00", "HNSW": "#7A3B8F", "IVF": "#009E73"}
 SETTING = r"([ ,;(_=-]+(checks|ef|nprobe|probes?|leaves))?[ ,;(_=:-]+[\dx]+\)?$"
 
 
