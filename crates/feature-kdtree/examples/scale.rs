@@ -1,10 +1,10 @@
 //! Time, recall and memory of every index on descriptors read from files, as comma-separated values.
 //!
-//! `cargo run --release --example scale -- DIR [SIZE...]` reads `DIR/base_SIZE.u8` and `DIR/query_SIZE.u8`, rows of
-//! 128 bytes, by default for 1500, 10000, 100000 and 1000000. Queries go in one batch on this thread. Columns:
-//! median time of all queries scaled to 300; share of exact nearest distances found; share of the exact matches of
-//! the ratio test at 0.8 that are found, and matches found beyond them as a share of the same; time to insert all;
-//! mean and worst time of 100 insertions over the last tenth; heap bytes an entry.
+//! `cargo run --release --example scale -- DIR [SIZE...]` reads `DIR/base_SIZE.u8`, `DIR/query_SIZE.u8` and
+//! `DIR/insert.u8`, rows of 128 bytes, by default for 1500, 10000, 100000 and 1000000. Queries go in one batch on this
+//! thread. Columns: median time of all queries scaled to 300; share of exact nearest distances found; share of the exact
+//! matches of the ratio test at 0.8 that are found, and matches found beyond them as a share of the same; time to insert
+//! all; mean and worst time of inserting 100 more (`insert.u8` in portions of 100); heap bytes an entry before these.
 
 use std::error::Error;
 use std::path::Path;
@@ -33,7 +33,7 @@ fn methods() -> Vec<(String, Maker)> {
         ),
         ("auto".into(), Box::new(|| Ok(Box::new(AutoIndex::new())))),
     ];
-    for probes in [None, Some(8), Some(16), Some(32), Some(64)] {
+    for probes in [None, Some(64)] {
         let name = probes.map_or("default".into(), |probes| probes.to_string());
         let make: Maker = Box::new(move || {
             let params = InvertedListsParams {
@@ -68,6 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if sizes.is_empty() {
         sizes = SIZES.to_vec();
     }
+    let more = read(&Path::new(&folder).join("insert.u8"))?;
     println!(
         "method,size,ms_per_300_queries,recall1,ratio_matches_kept,ratio_matches_added,build_ms,insert100_ms_mean,insert100_ms_worst,bytes_per_descriptor"
     );
@@ -76,25 +77,25 @@ fn main() -> Result<(), Box<dyn Error>> {
         let queries = read(&Path::new(&folder).join(format!("query_{size}.u8")))?;
         let mut truth = Vec::new();
         let mut scan = ExactScan::new();
-        insert_all(&mut scan, &base)?;
+        insert_all(&mut scan, 0, &base)?;
         scan.two_nearest_batch(&queries, &mut truth);
         drop(scan);
         for (name, make) in methods() {
             let mut index = make()?;
-            let portions = insert_all(index.as_mut(), &base)?;
+            let build = insert_all(index.as_mut(), 0, &base)?;
+            let bytes = index.memory_usage() as f64 / base.len() as f64;
             let (time, found) = answer(index.as_ref(), &queries);
             let [recall, kept, added] = quality(&found, &truth);
-            let last = &portions[portions.len() * 9 / 10..];
+            let last = insert_all(index.as_mut(), base.len() as u32, &more)?;
             let mean = last.iter().sum::<Duration>() / last.len().max(1) as u32;
             let worst = last.iter().max().copied().unwrap_or_default();
             let ms = |time: Duration| 1e3 * time.as_secs_f64();
             println!(
-                "{name},{size},{:.4},{recall:.4},{kept:.4},{added:.4},{:.1},{:.4},{:.4},{:.1}",
+                "{name},{size},{:.4},{recall:.4},{kept:.4},{added:.4},{:.1},{:.4},{:.4},{bytes:.1}",
                 ms(time) * 300.0 / queries.len() as f64,
-                ms(portions.iter().sum()),
+                ms(build.iter().sum()),
                 ms(mean),
                 ms(worst),
-                index.memory_usage() as f64 / base.len() as f64,
             );
         }
     }
@@ -110,13 +111,13 @@ fn read(path: &Path) -> Result<Vec<Descriptor>, Box<dyn Error>> {
     Ok(rows.to_vec())
 }
 
-/// Inserts under ids counted up; the times of the portions.
+/// Inserts under ids counted up from `id`; the times of the portions.
 fn insert_all(
     index: &mut dyn DescriptorIndex,
+    mut id: u32,
     base: &[Descriptor],
 ) -> Result<Vec<Duration>, Box<dyn Error>> {
     let mut times = Vec::new();
-    let mut id = 0;
     for portion in base.chunks(PORTION) {
         let start = Instant::now();
         for descriptor in portion {

@@ -7,9 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use feature_kdtree::{
-    AutoIndex, Descriptor, DescriptorIndex, IndexError, distance_squared,
-};
+use feature_kdtree::{AutoIndex, Descriptor, DescriptorIndex, IndexError, distance_squared};
 use nalgebra::{Vector2, Vector3};
 
 use crate::filter::landmark::Landmark;
