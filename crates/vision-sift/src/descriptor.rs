@@ -24,7 +24,7 @@
 
 use std::f32::consts::TAU;
 
-use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length};
+use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length, prefetch_window};
 use crate::image::Plane;
 use crate::params::{
     DESCRIPTOR_BINS, DESCRIPTOR_BYTE_SCALE, DESCRIPTOR_CELL_SIGMAS, DESCRIPTOR_CELLS,
@@ -44,11 +44,15 @@ const BOX_SLOTS: usize = 256;
 /// The sums at the corners of each box, corner `4 row + 2 column + bin`.
 type Boxes = [[f32; 8]; BOX_SLOTS];
 
-/// Samples packed before they are shared out; what fits the first cache beside the histograms.
+/// Samples packed before they are shared out.
 const PACKED: usize = 512;
 
 /// Longest row of a window, see [`crate::gradient`].
 const MAX_ROW: usize = 272;
+
+/// Below this a side of the square counts as level: over [`MAX_ROW`] samples it moves by less than a hundred-thousandth
+/// of a cell.
+const MIN_SLOPE: f32 = 1e-9;
 
 /// Adding `2^23` leaves a non-negative integer in the low bits.
 const INDEX_ROUNDER: f32 = 8_388_608.0;
@@ -75,6 +79,13 @@ pub(crate) fn describe(
         frame,
         style,
     })
+}
+
+/// Asks for the samples [`describe`] will read.
+pub(crate) fn prefetch(plane: &Plane, frame: Frame) {
+    let (sin, cos) = frame.angle.sin_cos();
+    let reach = REACH_CELLS * DESCRIPTOR_CELL_SIGMAS * frame.sigma * (sin.abs() + cos.abs());
+    prefetch_window(plane, frame.x, frame.y, reach);
 }
 
 /// What all descriptors of a detector have in common.
@@ -111,10 +122,11 @@ impl Body for Describe<'_> {
         let (top, bottom) = inside(frame.y, reach, plane.height());
         let columns = WindowTable::new::<L>(frame.x, left, right, scale);
         let mut samples = Samples::new();
+        let sides = [Side::new(cos, sin), Side::new(-sin, cos)];
         let mut boxes = [[[0.0; 8]; BOX_SLOTS]; 2];
         for row in top..=bottom {
             let dy = row as f32 - frame.y;
-            let Some((left, right)) = interval(frame.x, dy, sin, cos, left, right) else {
+            let Some((left, right)) = interval(&sides, frame.x, dy, left, right) else {
                 continue;
             };
             let row_factor = falloff(L::splat(dy * dy * scale));
@@ -145,21 +157,42 @@ fn inside(centre: f32, reach: f32, length: usize) -> (usize, usize) {
     (first, last.min(first + MAX_ROW - 1))
 }
 
+/// One coordinate of the turned square along a row, `slope dx + rise dy`, in cells.
+#[derive(Debug, Clone, Copy)]
+struct Side {
+    rise: f32,
+    /// Zero where the coordinate hardly changes along a row.
+    pixels_per_cell: f32,
+}
+
+impl Side {
+    #[inline(always)]
+    fn new(slope: f32, rise: f32) -> Self {
+        let level = slope.abs() < MIN_SLOPE;
+        let pixels_per_cell = if level { 0.0 } else { 1.0 / slope };
+        Self {
+            rise,
+            pixels_per_cell,
+        }
+    }
+}
+
 /// First and last column of `left..=right` inside the turned square on the row at `dy`, if any.
 #[inline(always)]
 fn interval(
+    sides: &[Side; 2],
     x: f32,
     dy: f32,
-    sin: f32,
-    cos: f32,
     left: usize,
     right: usize,
 ) -> Option<(usize, usize)> {
     let (mut low, mut high) = (left as f32 - x, right as f32 - x);
-    for (slope, base) in [(cos, sin * dy), (-sin, cos * dy)] {
+    for side in sides {
         // |slope dx + base| < REACH
-        if slope.abs() > 1e-9 {
-            let (a, b) = ((-REACH_CELLS - base) / slope, (REACH_CELLS - base) / slope);
+        let base = side.rise * dy;
+        if side.pixels_per_cell != 0.0 {
+            let a = (-REACH_CELLS - base) * side.pixels_per_cell;
+            let b = (REACH_CELLS - base) * side.pixels_per_cell;
             low = low.max(a.min(b));
             high = high.min(a.max(b));
         } else if base.abs() >= REACH_CELLS {

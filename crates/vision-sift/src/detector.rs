@@ -6,9 +6,10 @@
 //! Features come octave by octave from fine to coarse, within an octave by level, row and column of the sample, then by
 //! orientation. The order and every value are the same on any number of threads.
 
-use crate::descriptor::{Frame, Style, describe};
+use crate::descriptor::{self, Frame, Style, describe};
 use crate::error::SiftError;
 use crate::extrema::{self, Sample};
+use crate::gradient::prefetch_window;
 use crate::image::GrayImage;
 use crate::kernel::Kernels;
 use crate::orientation::{OrientationWindow, Orientations, orientations};
@@ -352,8 +353,7 @@ impl Detector {
         let conventions = self.params.conventions;
         found.clear();
         found.resize(points.len(), Orientations::default());
-        for_each_indexed(found, |i, out| {
-            let OctavePoint { octave, point } = points[i];
+        let window_of = |OctavePoint { octave, point }: OctavePoint| {
             let plane = scale_space.gaussian(octave, point.sample.level);
             let sigma = self.params.level_sigma(point.level);
             let (x, y) = conventions.window_centre(&point);
@@ -365,6 +365,14 @@ impl Detector {
                 arctangent: conventions.arctangent(),
                 to_nearest_bin: conventions.orientations_to_nearest_bin,
             };
+            (plane, window)
+        };
+        for_each_indexed(found, |i, out| {
+            if let Some(&next) = points.get(i + 1) {
+                let (plane, window) = window_of(next);
+                prefetch_window(plane, window.x, window.y, window.radius);
+            }
+            let (plane, window) = window_of(points[i]);
             *out = orientations(self.simd, plane, window);
         });
         oriented.clear();
@@ -416,13 +424,19 @@ impl Detector {
         features
             .descriptors
             .resize(oriented.len(), [0; DESCRIPTOR_LENGTH]);
-        for_each_indexed(&mut features.descriptors, |i, descriptor| {
-            let OrientedPoint { index, angle, .. } = oriented[i];
+        let frame_of = |&OrientedPoint { index, angle, .. }: &OrientedPoint| {
             let OctavePoint { octave, point } = points[index];
             let sigma = self.params.level_sigma(point.level);
             let (x, y) = self.params.conventions.window_centre(&point);
-            let frame = Frame { x, y, sigma, angle };
             let plane = scale_space.gaussian(octave, point.sample.level);
+            (plane, Frame { x, y, sigma, angle })
+        };
+        for_each_indexed(&mut features.descriptors, |i, descriptor| {
+            if let Some(next) = oriented.get(i + 1) {
+                let (plane, frame) = frame_of(next);
+                descriptor::prefetch(plane, frame);
+            }
+            let (plane, frame) = frame_of(&oriented[i]);
             *descriptor = describe(self.simd, plane, frame, &style);
         });
     }

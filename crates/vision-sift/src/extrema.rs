@@ -12,7 +12,7 @@
 
 use crate::params::BORDER;
 use crate::scale_space::Differences;
-use crate::simd::{Body, LANES, Lanes, SimdLevel, load, store};
+use crate::simd::{Body, LANES, Lanes, SimdLevel, load, prefetch, store};
 
 /// A sample of the current octave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -122,7 +122,10 @@ fn subtract_row<L: Lanes>(
             gaussians[level].padded_row(y),
             gaussians[level + 1].padded_row(y),
         );
+        // The levels lie too far apart for the processor to foresee which rows come next.
+        let next = gaussians[level].padded_row((y + 1).min(differences.height() - 1));
         for x in (0..fine.len()).step_by(LANES) {
+            prefetch(&next[x..]);
             store(load::<L>(coarse, x).sub(load(fine, x)), out, x);
         }
     }

@@ -17,7 +17,7 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use crate::image::Plane;
-use crate::simd::{LANES, Lanes, Run, load, store};
+use crate::simd::{LANES, Lanes, Run, load, prefetch, store};
 
 /// Columns of the widest window, over all parameters: a descriptor at scale 12.1 (`base_sigma` 4, one scale an octave,
 /// refined 0.6 levels up), turned by 45 degrees, reaches `2.5 * 3 * 12.1 * sqrt(2) = 129` samples each way.
@@ -107,6 +107,25 @@ impl WindowTable {
         let dy = load::<L>(plane.from(x, y + 1), 0).sub(load(plane.from(x, y - 1), 0));
         let weight = load::<L>(&self.factor, x - self.first).mul(row_factor);
         (dx.mul(weight), dy.mul(weight))
+    }
+}
+
+/// Asks for the samples within `reach` of `(x, y)`: windows are short pieces of many rows, which the processor does not
+/// foresee, and the wait for them is as long as the work on them.
+pub(crate) fn prefetch_window(plane: &Plane, x: f32, y: f32, reach: f32) {
+    let ends = |centre: f32, length: usize| {
+        let first = (centre - reach).max(0.0) as usize;
+        let last = (centre + reach + 1.0).max(0.0) as usize;
+        (first.min(length - 1), last.min(length - 1))
+    };
+    let (left, right) = ends(x, plane.width());
+    let (top, bottom) = ends(y, plane.height());
+    for y in top..=bottom {
+        let row = plane.row(y);
+        for x in (left..=right).step_by(LANES) {
+            prefetch(&row[x..]);
+        }
+        prefetch(&row[right..]);
     }
 }
 

@@ -118,6 +118,15 @@ pub(crate) trait Lanes: Copy {
     fn transpose(columns: [Self; 8], rows: &mut [[f32; 8]; LANES]);
 }
 
+/// Asks for the cache line of the first of `samples`, where the processor takes such hints; changes no value.
+#[inline(always)]
+pub(crate) fn prefetch(samples: &[f32]) {
+    #[cfg(target_arch = "x86_64")]
+    x86::prefetch(samples);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = samples;
+}
+
 /// Lanes in an array.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Portable(Run);
