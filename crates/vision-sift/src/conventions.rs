@@ -12,6 +12,7 @@
 //! | fit that can move no further | kept up to an offset of 1 | rejected | refinement |
 //! | gradient between two orientation bins | shared linearly | to the nearest | orientation |
 //! | centre of the windows | refined position | sample the refinement settled on | orientation, descriptor |
+//! | windows of the coarsest level | in the next octave, every second sample | in the point's octave | orientation, descriptor |
 //! | orientation window | samples within `4.5 sigma` | that length rounded | orientation |
 //! | arctangent | degree 11, error 2.5e-6 | degree 7, error 1.7e-4 | orientation, descriptor |
 //!
@@ -35,6 +36,7 @@ pub struct Conventions {
     pub(crate) kernel_radius_rounds: bool,
     pub(crate) offsets_below_half: bool,
     pub(crate) windows_on_sample: bool,
+    pub(crate) windows_in_own_octave: bool,
     pub(crate) orientation_radius_rounds: bool,
     pub(crate) orientations_to_nearest_bin: bool,
     pub(crate) coarse_arctangent: bool,
@@ -60,6 +62,7 @@ impl Default for Conventions {
             kernel_radius_rounds: false,
             offsets_below_half: false,
             windows_on_sample: false,
+            windows_in_own_octave: false,
             orientation_radius_rounds: false,
             orientations_to_nearest_bin: false,
             coarse_arctangent: false,
@@ -86,6 +89,7 @@ impl Conventions {
             kernel_radius_rounds: true,
             offsets_below_half: true,
             windows_on_sample: true,
+            windows_in_own_octave: true,
             orientation_radius_rounds: true,
             orientations_to_nearest_bin: true,
             coarse_arctangent: true,

@@ -10,7 +10,7 @@ use crate::descriptor::{self, Frame, Style, describe};
 use crate::error::SiftError;
 use crate::extrema::{self, Sample};
 use crate::gradient::prefetch_window;
-use crate::image::GrayImage;
+use crate::image::{GrayImage, Plane};
 use crate::kernel::Kernels;
 use crate::orientation::{OrientationWindow, Orientations, orientations};
 use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
@@ -151,6 +151,14 @@ pub struct Detector {
     params: SiftParams,
     kernels: Kernels,
     simd: SimdLevel,
+}
+
+/// A level of the pyramid, and centre and scale of a window in its pixels.
+struct WindowPlace<'a> {
+    plane: &'a Plane,
+    x: f32,
+    y: f32,
+    sigma: f32,
 }
 
 impl Detector {
@@ -341,6 +349,35 @@ impl Detector {
         }
     }
 
+    /// Where the windows of a point lie: on the Gaussian level nearest in scale.
+    ///
+    /// Every second sample of the coarsest of these begins the next octave. They say as much of its gradients, and a window
+    /// has a quarter of them.
+    fn window_place<'a>(
+        &self,
+        scale_space: &'a ScaleSpace,
+        OctavePoint { octave, point }: OctavePoint,
+    ) -> WindowPlace<'a> {
+        let conventions = self.params.conventions;
+        let sigma = self.params.level_sigma(point.level);
+        let (x, y) = conventions.window_centre(&point);
+        let level = point.sample.level;
+        let halved = !conventions.windows_in_own_octave
+            && level == self.params.scales_per_octave
+            && octave + 1 < scale_space.octaves();
+        if halved {
+            WindowPlace {
+                plane: scale_space.gaussian(octave + 1, 0),
+                x: 0.5 * x,
+                y: 0.5 * y,
+                sigma: 0.5 * sigma,
+            }
+        } else {
+            let plane = scale_space.gaussian(octave, level);
+            WindowPlace { plane, x, y, sigma }
+        }
+    }
+
     /// One entry in `workspace.oriented` for each orientation of each point.
     fn orient(&self, workspace: &mut Workspace) {
         let Workspace {
@@ -351,12 +388,11 @@ impl Detector {
             ..
         } = workspace;
         let conventions = self.params.conventions;
+        let scale_space = &*scale_space;
         found.clear();
         found.resize(points.len(), Orientations::default());
-        let window_of = |OctavePoint { octave, point }: OctavePoint| {
-            let plane = scale_space.gaussian(octave, point.sample.level);
-            let sigma = self.params.level_sigma(point.level);
-            let (x, y) = conventions.window_centre(&point);
+        let window_of = |point: OctavePoint| {
+            let WindowPlace { plane, x, y, sigma } = self.window_place(scale_space, point);
             let window = OrientationWindow {
                 x,
                 y,
@@ -425,10 +461,7 @@ impl Detector {
             .descriptors
             .resize(oriented.len(), [0; DESCRIPTOR_LENGTH]);
         let frame_of = |&OrientedPoint { index, angle, .. }: &OrientedPoint| {
-            let OctavePoint { octave, point } = points[index];
-            let sigma = self.params.level_sigma(point.level);
-            let (x, y) = self.params.conventions.window_centre(&point);
-            let plane = scale_space.gaussian(octave, point.sample.level);
+            let WindowPlace { plane, x, y, sigma } = self.window_place(scale_space, points[index]);
             (plane, Frame { x, y, sigma, angle })
         };
         for_each_indexed(&mut features.descriptors, |i, descriptor| {
