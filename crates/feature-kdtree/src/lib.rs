@@ -1,8 +1,11 @@
 //! Nearest neighbours of 128-byte descriptors in a map that grows every frame, and the matching built on them.
 //!
 //! Reading order: [`Descriptor`] and its distance, [`DescriptorIndex`] as the question every index answers,
-//! [`ExactScan`] and [`KdForest`] as the two answers, [`match_descriptors`] and [`match_mutual`] on top. Inside, the
-//! exact scan is `row_block` (the arithmetic), `simd` (the instructions) and `rows` (storage and search).
+//! [`ExactScan`], [`InvertedLists`] and [`KdForest`] as the answers and [`AutoIndex`] as the choice among them,
+//! [`match_descriptors`] and [`match_mutual`] on top. Inside, the scan is `row_block` (the arithmetic), `simd` (the
+//! instructions), `rows` (storage and search of many rows) and `near_rows` (search of a short list); the lists are `cells`
+//! (rows near a centroid), `two_means` (their division) and `directory` (which cell is nearest); the forest is `kd_tree`
+//! and `best_bin_first`.
 
 mod auto_index;
 mod best_bin_first;
