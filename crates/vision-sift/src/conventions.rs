@@ -7,7 +7,7 @@
 //! |---|---|---|---|
 //! | doubling | `2w - 1` samples, exact | `2w` samples: shifted by a quarter pixel, or the last repeated | scale space |
 //! | half of an odd side | rounded up | rounded down | scale space |
-//! | kernel radius | `ceil(3 sigma)` | `floor(round(8 sigma + 1) / 2)` | scale space |
+//! | kernel | radius `round(3 sigma)`, variance exact | radius `floor(round(8 sigma + 1) / 2)` | scale space |
 //! | offset accepted | up to 0.6 | below 0.5 | refinement |
 //! | fit that can move no further | kept up to an offset of 1 | rejected | refinement |
 //! | gradient between two orientation bins | shared linearly | to the nearest | orientation |
@@ -33,7 +33,7 @@ use crate::refine::{OffsetLimits, ScalePoint};
 pub struct Conventions {
     pub(crate) doubling: Doubling,
     pub(crate) odd_sides_round_down: bool,
-    pub(crate) kernel_radius_rounds: bool,
+    pub(crate) wide_kernels: bool,
     pub(crate) offsets_below_half: bool,
     pub(crate) windows_on_sample: bool,
     pub(crate) windows_in_own_octave: bool,
@@ -59,7 +59,7 @@ impl Default for Conventions {
         Self {
             doubling: Doubling::Exact,
             odd_sides_round_down: false,
-            kernel_radius_rounds: false,
+            wide_kernels: false,
             offsets_below_half: false,
             windows_on_sample: false,
             windows_in_own_octave: false,
@@ -86,7 +86,7 @@ impl Conventions {
         Self {
             doubling: Doubling::LastRepeated,
             odd_sides_round_down: true,
-            kernel_radius_rounds: true,
+            wide_kernels: true,
             offsets_below_half: true,
             windows_on_sample: true,
             windows_in_own_octave: true,
@@ -107,10 +107,10 @@ impl Conventions {
 
     /// Radius of a Gaussian kernel, samples.
     pub(crate) fn kernel_radius(self, sigma: f32) -> usize {
-        if self.kernel_radius_rounds {
+        if self.wide_kernels {
             (8.0 * sigma + 1.0).round() as usize / 2
         } else {
-            (KERNEL_REACH_SIGMAS * sigma).ceil().max(1.0) as usize
+            (KERNEL_REACH_SIGMAS * sigma).round().max(1.0) as usize
         }
     }
 
@@ -172,7 +172,7 @@ mod tests {
         // The five scales of an octave at the defaults, sigma 1.23 to 3.09; OpenCV's kernels have 11, 13, 17, 21 and 27
         // taps.
         let sigmas = [1.226_273, 1.545_008, 1.946_588, 2.452_547, 3.090_016];
-        assert_eq!(sigmas.map(|s| own.kernel_radius(s)), [4, 5, 6, 8, 10]);
+        assert_eq!(sigmas.map(|s| own.kernel_radius(s)), [4, 5, 6, 7, 9]);
         assert_eq!(sigmas.map(|s| opencv.kernel_radius(s)), [5, 6, 8, 10, 13]);
         let limits = own.offset_limits();
         assert_eq!([limits.settled, limits.last], [0.6, 1.0]);

@@ -1,6 +1,10 @@
 //! Gaussian kernels of the pyramid (Lowe, section 3).
 //!
 //! Blurs add in squares: a level of scale `sigma_i` becomes the next by a blur of `sqrt(sigma_(i+1)^2 - sigma_i^2)`.
+//!
+//! A Gaussian cut at three standard deviations has 3 % less variance than the whole one. The taps are therefore those of a
+//! slightly wider Gaussian whose cut form has the variance asked for. Without this the last level of an octave falls short
+//! of the first of the next, and extrema of a scale between the two are found in neither.
 
 use crate::params::SiftParams;
 
@@ -17,6 +21,29 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
+    /// Kernel whose taps up to `radius` have the variance `sigma^2`, or as much of it as they can.
+    pub(crate) fn of_variance(sigma: f32, radius: usize) -> Self {
+        let wanted = f64::from(sigma).powi(2);
+        // The variance of the cut kernel grows with the standard deviation of its taps.
+        let (mut low, mut high) = (sigma, 2.0 * sigma);
+        for _ in 0..f32::MANTISSA_DIGITS {
+            let middle = 0.5 * (low + high);
+            if Self::gaussian(middle, radius).variance() < wanted {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Self::gaussian(high, radius)
+    }
+
+    /// Sum of the squared offsets, weighted.
+    fn variance(&self) -> f64 {
+        let half = self.half.iter().enumerate();
+        half.map(|(k, &weight)| 2.0 * f64::from(weight) * (k * k) as f64)
+            .sum()
+    }
+
     /// Kernel of standard deviation `sigma` samples, cut after `radius` samples.
     pub(crate) fn gaussian(sigma: f32, radius: usize) -> Self {
         let value =
@@ -59,7 +86,15 @@ impl Kernels {
     /// Kernels for checked parameters.
     pub(crate) fn new(params: &SiftParams) -> Self {
         let start = params.camera_sigma / params.octave_step(0);
-        let kernel = |sigma| Kernel::gaussian(sigma, params.conventions.kernel_radius(sigma));
+        let conventions = params.conventions;
+        let kernel = |sigma| {
+            let radius = conventions.kernel_radius(sigma);
+            if conventions.wide_kernels {
+                Kernel::gaussian(sigma, radius)
+            } else {
+                Kernel::of_variance(sigma, radius)
+            }
+        };
         let first = kernel((params.base_sigma.powi(2) - start.powi(2)).sqrt());
         let steps = (0..params.scales_per_octave + 2)
             .map(|i| {
@@ -94,6 +129,24 @@ mod tests {
                 (variance / f64::from(sigma * sigma) - 1.0).abs() < 2e-3,
                 "variance {variance}"
             );
+        }
+    }
+
+    #[test]
+    fn kernels_cut_early_have_the_asked_variance_too() {
+        for sigma in [0.35_f32, 0.8, 1.25, 3.1, 27.0] {
+            for radius in [
+                (2.5 * sigma).ceil() as usize,
+                (3.0 * sigma).round() as usize,
+            ] {
+                let got = Kernel::of_variance(sigma, radius).variance();
+                // Taps are rounded to f32: each by half an epsilon, and their sum of squares is of order sigma^2.
+                let tolerance = 4.0 * f64::from(f32::EPSILON);
+                assert!(
+                    (got / f64::from(sigma).powi(2) - 1.0).abs() < tolerance,
+                    "{sigma}, {radius}: {got}"
+                );
+            }
         }
     }
 

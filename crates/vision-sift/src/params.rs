@@ -16,13 +16,13 @@ pub const MAX_IMAGE_SIDE: usize = 32_767;
 /// (the descriptor window of such points is mostly outside); OpenCV uses the same value.
 pub(crate) const BORDER: usize = 5;
 
-/// A kernel reaches this many standard deviations each way. Implementation choice: OpenCV's 4 make the pyramid a third
-/// slower and raise repeatability by 0.002; the mass cut off, 0.3 %, goes to the rest.
+/// A kernel reaches this many standard deviations each way, rounded to samples. Implementation choice: OpenCV's 4 make the
+/// pyramid a third slower and raise repeatability by 0.002.
 pub(crate) const KERNEL_REACH_SIGMAS: f32 = 3.0;
 
 /// Extrema below this share of the contrast threshold are dropped before the refinement: the refined value
 /// `D + D'x/2` exceeds the sample by too little to pass. Implementation choice.
-pub(crate) const PREFILTER_SHARE: f32 = 0.5;
+pub(crate) const PREFILTER_SHARE: f32 = 0.8;
 
 /// Steps of the refinement before a point is given up. Lowe, section 4, gives no number; 5 is customary.
 pub(crate) const MAX_REFINE_STEPS: usize = 5;

@@ -17,9 +17,7 @@ fn expected_sigma(s: f64) -> f64 {
 
 #[test]
 fn a_spot_is_found_at_its_centre_with_its_scale() {
-    // Not 2.0: its level is 3.50 of the doubled octave, 0.50 of the next, and off the centre each octave sees the larger
-    // value in the other. Lowe's comparison of samples loses such a spot, in OpenCV as here.
-    for (i, s) in [2.2, 3.0, 4.5, 7.0, 10.0].into_iter().enumerate() {
+    for (i, s) in [2.0, 3.0, 4.5, 7.0, 10.0].into_iter().enumerate() {
         for sign in [1.0, -1.0] {
             let centre = (48.0 + 0.37 * i as f64, 45.25 - 0.21 * i as f64);
             let picture =
@@ -52,6 +50,24 @@ fn a_spot_is_found_at_its_centre_with_its_scale() {
                 found.keypoints
             );
         }
+    }
+}
+
+/// Between the last level searched of an octave and the first of the next the levels of both must agree, or each octave
+/// sees the larger value in the other: kernels cut at three standard deviations without correction lose 8 of these.
+#[test]
+fn no_spot_is_lost_between_octaves() {
+    for i in 0..40 {
+        let centre = (
+            30.0 + f64::from(i * 37 % 40) / 40.0,
+            29.0 + f64::from((i * 17 + 3) % 40) / 40.0,
+        );
+        let picture = Picture::draw(61, 59, |x, y| 128.0 + 100.0 * spot(x, y, centre, 2.0));
+        let near = |k: &vision_sift::Keypoint| {
+            (f64::from(k.x) - centre.0).hypot(f64::from(k.y) - centre.1) < 0.1
+        };
+        let found = detect(&picture);
+        assert!(found.keypoints.iter().any(near), "{centre:?}");
     }
 }
 
