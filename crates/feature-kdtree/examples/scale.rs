@@ -34,7 +34,7 @@ fn methods() -> Vec<(String, Maker)> {
         ("auto".into(), Box::new(|| Ok(Box::new(AutoIndex::new())))),
     ];
     for probes in [None, Some(64)] {
-        let name = probes.map_or("default".into(), |probes| probes.to_string());
+        let name = probes.map_or(String::new(), |probes| format!(" probes {probes}"));
         let make: Maker = Box::new(move || {
             let params = InvertedListsParams {
                 probes,
@@ -42,7 +42,7 @@ fn methods() -> Vec<(String, Maker)> {
             };
             Ok(Box::new(InvertedLists::new(params)?))
         });
-        methods.push((format!("inverted lists probes {name}"), make));
+        methods.push((format!("inverted lists{name}"), make));
     }
     let default_leaves = KdForestParams::default().max_leaves;
     for max_leaves in [default_leaves, 4 * default_leaves] {
