@@ -244,7 +244,10 @@ impl Samples {
     fn share_out<L: Lanes>(&mut self, angle: f32, arctangent: &Arctangent, boxes: &mut [Boxes; 2]) {
         let full = self.count - self.count % LANES;
         for at in (0..full).step_by(LANES) {
-            self.share_out_vector::<L>(at, angle, arctangent, boxes);
+            self.turn_polar::<L>(at, angle, arctangent);
+        }
+        for at in (0..full).step_by(LANES) {
+            self.share_out_vector::<L>(at, boxes);
         }
         for values in [&mut self.gx, &mut self.gy, &mut self.u, &mut self.v] {
             values.copy_within(full..full + LANES, 0);
@@ -260,28 +263,28 @@ impl Samples {
         self.share_out::<L>(angle, arctangent, boxes);
     }
 
-    /// Adds the vector of samples at `at` to the boxes.
+    /// Replaces the vector of gradients at `at` by their orientation in bins, in `[0, 8)`, and their length.
     #[inline(always)]
-    fn share_out_vector<L: Lanes>(
-        &self,
-        at: usize,
-        angle: f32,
-        arctangent: &Arctangent,
-        boxes: &mut [Boxes; 2],
-    ) {
+    fn turn_polar<L: Lanes>(&mut self, at: usize, angle: f32, arctangent: &Arctangent) {
         const BINS_PER_RADIAN: f32 = DESCRIPTOR_BINS as f32 / TAU;
-        // Rounding at the edge of the square must not leave the boxes.
-        const MAX_PLACE: f32 = BOXES as f32 * (1.0 - f32::EPSILON);
         let (gx, gy) = (load::<L>(&self.gx, at), load::<L>(&self.gy, at));
-        let (zero, max) = (L::splat(0.0), L::splat(MAX_PLACE));
-        let column = load::<L>(&self.u, at).max(zero).min(max);
-        let row = load::<L>(&self.v, at).max(zero).min(max);
         // In (-4, 12) bins; one turn more keeps it positive.
         let turned = L::splat(angle * BINS_PER_RADIAN + DESCRIPTOR_BINS as f32)
             .sub(atan2(gy, gx, arctangent).mul(L::splat(BINS_PER_RADIAN)));
         let turns = turned.mul(L::splat(1.0 / DESCRIPTOR_BINS as f32)).floor();
-        let bin = turned.sub(turns.mul(L::splat(DESCRIPTOR_BINS as f32)));
+        store(turned.sub(turns.mul(L::splat(DESCRIPTOR_BINS as f32))), &mut self.gx, at);
+        store(length(gx, gy), &mut self.gy, at);
+    }
 
+    /// Adds the vector of samples at `at` to the boxes.
+    #[inline(always)]
+    fn share_out_vector<L: Lanes>(&self, at: usize, boxes: &mut [Boxes; 2]) {
+        // Rounding at the edge of the square must not leave the boxes.
+        const MAX_PLACE: f32 = BOXES as f32 * (1.0 - f32::EPSILON);
+        let (bin, weight) = (load::<L>(&self.gx, at), load::<L>(&self.gy, at));
+        let (zero, max) = (L::splat(0.0), L::splat(MAX_PLACE));
+        let column = load::<L>(&self.u, at).max(zero).min(max);
+        let row = load::<L>(&self.v, at).max(zero).min(max);
         let (row_floor, column_floor, bin_floor) = (row.floor(), column.floor(), bin.floor());
         let mut index = [0.0; LANES];
         row_floor
@@ -294,7 +297,7 @@ impl Samples {
 
         let (row_part, column_part) = (row.sub(row_floor), column.sub(column_floor));
         let bin_part = bin.sub(bin_floor);
-        let (r0, r1) = split(length(gx, gy), row_part);
+        let (r0, r1) = split(weight, row_part);
         let ((c0, c1), (c2, c3)) = (split(r0, column_part), split(r1, column_part));
         let ((b0, b1), (b2, b3)) = (split(c0, bin_part), split(c1, bin_part));
         let ((b4, b5), (b6, b7)) = (split(c2, bin_part), split(c3, bin_part));
