@@ -30,7 +30,8 @@ use crate::params::{
     DESCRIPTOR_BINS, DESCRIPTOR_BYTE_SCALE, DESCRIPTOR_CELL_SIGMAS, DESCRIPTOR_CELLS,
     DESCRIPTOR_CLIP, DESCRIPTOR_LENGTH, DESCRIPTOR_WINDOW_SIGMA_CELLS, Normalisation,
 };
-use crate::simd::{Body, LANES, Lanes, SimdLevel, load, store};
+use crate::samples::Samples;
+use crate::simd::{Body, LANES, Lanes, SimdLevel};
 
 /// Half the side of the square a sample must lie in to touch a cell, cells.
 const REACH_CELLS: f32 = (DESCRIPTOR_CELLS + 1) as f32 / 2.0;
@@ -43,9 +44,6 @@ const BOX_SLOTS: usize = 256;
 
 /// The sums at the corners of each box, corner `4 row + 2 column + bin`.
 type Boxes = [[f32; 8]; BOX_SLOTS];
-
-/// Samples packed before they are shared out.
-const PACKED: usize = 512;
 
 /// Longest row of a window, see [`crate::gradient`].
 const MAX_ROW: usize = 272;
@@ -121,7 +119,7 @@ impl Body for Describe<'_> {
         let (left, right) = inside(frame.x, reach, plane.width());
         let (top, bottom) = inside(frame.y, reach, plane.height());
         let columns = WindowTable::new::<L>(frame.x, left, right, scale);
-        let mut samples = Samples::new();
+        let mut samples = WindowSamples(Samples::new());
         let sides = [Side::new(cos, sin), Side::new(-sin, cos)];
         let mut boxes = [[[0.0; 8]; BOX_SLOTS]; 2];
         for row in top..=bottom {
@@ -139,13 +137,15 @@ impl Body for Describe<'_> {
                 let (gx, gy) = columns.gradients::<L>(plane, start, row, row_factor);
                 let u = u0.add(dx.mul(L::splat(cos)));
                 let v = v0.sub(dx.mul(L::splat(sin)));
-                samples.push([gx, gy, u, v], LANES.min(right + 1 - start));
+                samples.0.push([gx, gy, u, v], LANES.min(right + 1 - start));
             }
-            if samples.count > PACKED - MAX_ROW {
+            if samples.0.is_fuller_than_room_for(MAX_ROW) {
                 samples.share_out::<L>(frame.angle, &style.arctangent, &mut boxes);
             }
         }
-        samples.finish::<L>(frame.angle, &style.arctangent, &mut boxes);
+        // Samples of no weight.
+        samples.0.fill_up::<L>();
+        samples.share_out::<L>(frame.angle, &style.arctangent, &mut boxes);
         quantised(&cells_of(&boxes), style.normalisation)
     }
 }
@@ -206,74 +206,35 @@ fn interval(
     (first <= last).then_some((first as usize, last as usize))
 }
 
-/// Samples of the window side by side: weighted gradient and place in cells from the corner of the square.
-struct Samples {
-    count: usize,
-    gx: [f32; PACKED + LANES],
-    gy: [f32; PACKED + LANES],
-    u: [f32; PACKED + LANES],
-    v: [f32; PACKED + LANES],
-}
+/// Weighted gradient of a sample, then its orientation in bins and length, and its place in cells from the corner of the
+/// square.
+struct WindowSamples(Samples<4>);
 
-impl Samples {
-    #[inline(always)]
-    fn new() -> Self {
-        const NONE: [f32; PACKED + LANES] = [0.0; PACKED + LANES];
-        Self {
-            count: 0,
-            gx: NONE,
-            gy: NONE,
-            u: NONE,
-            v: NONE,
-        }
-    }
-
-    /// Appends the first `count` samples of a vector; the lanes after them are overwritten by the next.
-    #[inline(always)]
-    fn push<L: Lanes>(&mut self, [gx, gy, u, v]: [L; 4], count: usize) {
-        let at = self.count;
-        store(gx, &mut self.gx, at);
-        store(gy, &mut self.gy, at);
-        store(u, &mut self.u, at);
-        store(v, &mut self.v, at);
-        self.count = at + count;
-    }
-
+impl WindowSamples {
     /// Shares out all full vectors and keeps the rest.
     #[inline(always)]
     fn share_out<L: Lanes>(&mut self, angle: f32, arctangent: &Arctangent, boxes: &mut [Boxes; 2]) {
-        let full = self.count - self.count % LANES;
-        for at in (0..full).step_by(LANES) {
+        for at in self.0.full_vectors() {
             self.turn_polar::<L>(at, angle, arctangent);
         }
-        for at in (0..full).step_by(LANES) {
+        for at in self.0.full_vectors() {
             self.share_out_vector::<L>(at, boxes);
         }
-        for values in [&mut self.gx, &mut self.gy, &mut self.u, &mut self.v] {
-            values.copy_within(full..full + LANES, 0);
-        }
-        self.count -= full;
-    }
-
-    /// Shares out what is left, filled up with samples of no weight.
-    #[inline(always)]
-    fn finish<L: Lanes>(&mut self, angle: f32, arctangent: &Arctangent, boxes: &mut [Boxes; 2]) {
-        let zero = L::splat(0.0);
-        self.push([zero; 4], LANES - 1);
-        self.share_out::<L>(angle, arctangent, boxes);
+        self.0.drop_full_vectors();
     }
 
     /// Replaces the vector of gradients at `at` by their orientation in bins, in `[0, 8)`, and their length.
     #[inline(always)]
     fn turn_polar<L: Lanes>(&mut self, at: usize, angle: f32, arctangent: &Arctangent) {
         const BINS_PER_RADIAN: f32 = DESCRIPTOR_BINS as f32 / TAU;
-        let (gx, gy) = (load::<L>(&self.gx, at), load::<L>(&self.gy, at));
+        let (gx, gy) = (self.0.vector::<L>(0, at), self.0.vector::<L>(1, at));
         // In (-4, 12) bins; one turn more keeps it positive.
         let turned = L::splat(angle * BINS_PER_RADIAN + DESCRIPTOR_BINS as f32)
             .sub(atan2(gy, gx, arctangent).mul(L::splat(BINS_PER_RADIAN)));
         let turns = turned.mul(L::splat(1.0 / DESCRIPTOR_BINS as f32)).floor();
-        store(turned.sub(turns.mul(L::splat(DESCRIPTOR_BINS as f32))), &mut self.gx, at);
-        store(length(gx, gy), &mut self.gy, at);
+        let bin = turned.sub(turns.mul(L::splat(DESCRIPTOR_BINS as f32)));
+        self.0.set_vector(0, at, bin);
+        self.0.set_vector(1, at, length(gx, gy));
     }
 
     /// Adds the vector of samples at `at` to the boxes.
@@ -281,10 +242,10 @@ impl Samples {
     fn share_out_vector<L: Lanes>(&self, at: usize, boxes: &mut [Boxes; 2]) {
         // Rounding at the edge of the square must not leave the boxes.
         const MAX_PLACE: f32 = BOXES as f32 * (1.0 - f32::EPSILON);
-        let (bin, weight) = (load::<L>(&self.gx, at), load::<L>(&self.gy, at));
+        let (bin, weight) = (self.0.vector::<L>(0, at), self.0.vector::<L>(1, at));
         let (zero, max) = (L::splat(0.0), L::splat(MAX_PLACE));
-        let column = load::<L>(&self.u, at).max(zero).min(max);
-        let row = load::<L>(&self.v, at).max(zero).min(max);
+        let column = self.0.vector::<L>(2, at).max(zero).min(max);
+        let row = self.0.vector::<L>(3, at).max(zero).min(max);
         let (row_floor, column_floor, bin_floor) = (row.floor(), column.floor(), bin.floor());
         let mut index = [0.0; LANES];
         row_floor

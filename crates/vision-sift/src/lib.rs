@@ -36,6 +36,8 @@ mod extrema;
 mod refine;
 
 mod gradient;
+mod samples;
+
 mod orientation;
 
 mod descriptor;

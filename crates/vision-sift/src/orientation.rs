@@ -15,6 +15,7 @@ use std::f32::consts::TAU;
 use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length};
 use crate::image::Plane;
 use crate::params::{ORIENTATION_BINS, ORIENTATION_PEAK_RATIO, ORIENTATION_SIGMA_FACTOR};
+use crate::samples::Samples;
 use crate::simd::{Body, LANES, Lanes, SimdLevel};
 
 /// At most every second bin can be a strict local maximum.
@@ -123,22 +124,22 @@ impl Body for GradientHistogram<'_> {
         let (left, right) = reach(x, radius, plane.width());
         let (top, bottom) = reach(y, radius, plane.height());
         let columns = WindowTable::new::<L>(x, left, right, scale);
+        let mut samples = Samples::new();
         let mut bins = [[0.0; BIN_SLOTS]; PARTS];
         for row in top..=bottom {
             let dy = L::splat(row as f32 - y);
             let row_factor = falloff(dy.mul(dy).mul(L::splat(scale)));
             for start in (left..=right).step_by(LANES) {
                 let (gx, gy) = columns.gradients::<L>(plane, start, row, row_factor);
-                let count = LANES.min(right + 1 - start);
-                let angle = bin_position::<L>(atan2(gy, gx, arctangent));
-                let weight = length(gx, gy);
-                if to_nearest_bin {
-                    add_to_nearest::<L>(angle, weight, count, &mut bins);
-                } else {
-                    share::<L>(angle, weight, count, &mut bins);
-                }
+                samples.push([gx, gy], LANES.min(right + 1 - start));
+            }
+            if samples.is_fuller_than_room_for(MAX_WINDOW) {
+                add_up::<L>(&mut samples, arctangent, to_nearest_bin, &mut bins);
             }
         }
+        // Samples of no weight.
+        samples.fill_up::<L>();
+        add_up::<L>(&mut samples, arctangent, to_nearest_bin, &mut bins);
         std::array::from_fn(|i| {
             // The last bin shares with the one after it, and an angle just below a whole turn may round up to it.
             let sum = |k: usize| (bins[0][k] + bins[1][k]) + (bins[2][k] + bins[3][k]);
@@ -148,6 +149,30 @@ impl Body for GradientHistogram<'_> {
             }
         })
     }
+}
+
+/// Adds the gradients of all full vectors to the histogram and keeps the rest.
+#[inline(always)]
+fn add_up<L: Lanes>(
+    samples: &mut Samples<2>,
+    arctangent: &Arctangent,
+    to_nearest_bin: bool,
+    bins: &mut [[f32; BIN_SLOTS]; PARTS],
+) {
+    for at in samples.full_vectors() {
+        let (gx, gy) = (samples.vector::<L>(0, at), samples.vector::<L>(1, at));
+        samples.set_vector(0, at, bin_position::<L>(atan2(gy, gx, arctangent)));
+        samples.set_vector(1, at, length(gx, gy));
+    }
+    for at in samples.full_vectors() {
+        let (angle, weight) = (samples.vector::<L>(0, at), samples.vector::<L>(1, at));
+        if to_nearest_bin {
+            add_to_nearest::<L>(angle, weight, bins);
+        } else {
+            share::<L>(angle, weight, bins);
+        }
+    }
+    samples.drop_full_vectors();
 }
 
 /// Angles in `[-pi, pi]` as places in the histogram, `[0, 36]`.
@@ -163,34 +188,29 @@ fn bin_position<L: Lanes>(angle: L) -> L {
     )
 }
 
-/// Shares the first `count` weights between the bins below and above.
+/// Shares the weights between the bins below and above.
 #[inline(always)]
-fn share<L: Lanes>(position: L, weight: L, count: usize, bins: &mut [[f32; BIN_SLOTS]; PARTS]) {
+fn share<L: Lanes>(position: L, weight: L, bins: &mut [[f32; BIN_SLOTS]; PARTS]) {
     let below = position.floor();
     let upper = weight.mul(position.sub(below));
     let (mut index, mut low, mut high) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     below.add(L::splat(INDEX_ROUNDER)).store(&mut index);
     weight.sub(upper).store(&mut low);
     upper.store(&mut high);
-    for i in 0..count {
+    for i in 0..LANES {
         let bin = index[i].to_bits() as usize % BIN_SLOTS;
         bins[i % PARTS][bin] += low[i];
         bins[i % PARTS][(bin + 1) % BIN_SLOTS] += high[i];
     }
 }
 
-/// Adds the first `count` weights to the nearest bins.
+/// Adds the weights to the nearest bins.
 #[inline(always)]
-fn add_to_nearest<L: Lanes>(
-    position: L,
-    weight: L,
-    count: usize,
-    bins: &mut [[f32; BIN_SLOTS]; PARTS],
-) {
+fn add_to_nearest<L: Lanes>(position: L, weight: L, bins: &mut [[f32; BIN_SLOTS]; PARTS]) {
     let (mut index, mut whole) = ([0.0; LANES], [0.0; LANES]);
     position.add(L::splat(INDEX_ROUNDER)).store(&mut index);
     weight.store(&mut whole);
-    for i in 0..count {
+    for i in 0..LANES {
         let bin = index[i].to_bits() as usize % BIN_SLOTS;
         bins[i % PARTS][bin] += whole[i];
     }
