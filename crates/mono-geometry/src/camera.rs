@@ -153,7 +153,8 @@ impl Camera {
             .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
     }
 
-    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre).
+    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre); `None` also where
+    /// that overflows.
     #[must_use]
     pub fn project_with_jacobian(
         &self,
@@ -170,6 +171,7 @@ impl Camera {
         let pixel = self.pinhole.pixel(&distorted);
         pixel
             .iter()
+            .chain(jacobian.iter())
             .all(|v| v.is_finite())
             .then_some((pixel, jacobian))
     }
@@ -196,7 +198,10 @@ impl Camera {
             by_parameters[(0, PINHOLE_PARAMETERS + column)] = self.pinhole.fx * lens[(0, column)];
             by_parameters[(1, PINHOLE_PARAMETERS + column)] = self.pinhole.fy * lens[(1, column)];
         }
-        Some((pixel, by_point, by_parameters))
+        by_parameters
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some((pixel, by_point, by_parameters))
     }
 
     /// fx, fy, cx, cy in pixels, then [`Distortion::parameters`].

@@ -86,9 +86,11 @@ fn naive(lens: &Distortion, q: &[Dual], point: &[Dual]) -> [Dual; 2] {
     [q[0] * bent[0] + q[2], q[1] * bent[1] + q[3]]
 }
 
-fn check(camera: &Camera, point: &Vector3<f64>) {
+/// `before_edge` is the relative distance to the edge of the field, 1 far from it: next to a pole the denominator has
+/// lost that share of its digits, whatever the formula, and differences are taken across the edge.
+fn check(camera: &Camera, point: &Vector3<f64>, before_edge: f64) {
     let lens = camera.distortion();
-    let depth = point.norm();
+    let depth = point.z;
     let (pixel, by_point, by_parameters) = camera.project_with_jacobians(point).expect("seen");
     let (again, alone) = camera.project_with_jacobian(point).expect("seen");
     assert_eq!((pixel, by_point), (again, alone));
@@ -97,20 +99,24 @@ fn check(camera: &Camera, point: &Vector3<f64>) {
     let q = camera.parameters();
     let constants = Dual::seeded(q.as_slice(), usize::MAX);
     let context = format!("{lens:?} {point}");
-    // Rounding: a few epsilon of the largest term, which the inverse square of the distance to the fold multiplies.
+    // Rounding: a few epsilon of the largest term.
     let size = 1.0 + by_point.amax() * depth + by_parameters.amax();
+    let rounding = 1e-13 * size / before_edge;
     for j in 0..3 {
         let dual = naive(lens, &constants, &Dual::seeded(point.as_slice(), j));
         for i in 0..2 {
             assert!(
-                (pixel[i] - dual[i].value).abs() < 1e-14 * (1e3 + size),
+                (pixel[i] - dual[i].value).abs() < rounding + 1e-11,
                 "{context}"
             );
             let error = (by_point[(i, j)] - dual[i].slope).abs() * depth;
             assert!(
-                error < 1e-13 * size,
+                error < rounding,
                 "{context}: point {i} {j} {error} of {size}"
             );
+        }
+        if before_edge < 1e-2 {
+            continue;
         }
         let step = 1e-5 * depth;
         let shifted = |sign: f64| {
@@ -136,9 +142,12 @@ fn check(camera: &Camera, point: &Vector3<f64>) {
         for i in 0..2 {
             let error = (by_parameters[(i, j)] - dual[i].slope).abs();
             assert!(
-                error < 1e-13 * size,
+                error < rounding,
                 "{context}: parameter {i} {j} {error} of {size}"
             );
+        }
+        if before_edge < 1e-2 {
+            continue;
         }
         let step = 1e-6 * (1.0 + q[j].abs());
         let shifted = |sign: f64| {
@@ -166,7 +175,7 @@ proptest! {
             let camera = Camera::new(pinhole(), lens).unwrap();
             let slope = Vector2::new(x, y);
             if slope.norm() < 0.95 * camera.field_radius() {
-                check(&camera, &(slope.push(1.0) * depth));
+                check(&camera, &(slope.push(1.0) * depth), 1.0);
             }
         }
     }
@@ -179,23 +188,25 @@ fn at_nasty_places() {
         // The axis exactly, around the switches of the series, tiny offsets of either sign.
         for offset in [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 0.999e-4, 1.001e-4, 1e-3] {
             for (a, b) in [(1.0, 0.0), (0.0, -1.0), (0.6, -0.8)] {
-                check(&camera, &Vector3::new(a * offset, b * offset, 1.0));
-                check(&camera, &(Vector3::new(a * offset, b * offset, 1.0) * 1e-6));
+                check(&camera, &Vector3::new(a * offset, b * offset, 1.0), 1.0);
+                check(
+                    &camera,
+                    &(Vector3::new(a * offset, b * offset, 1.0) * 1e-6),
+                    1.0,
+                );
             }
         }
         // The corners of the image, where they have a ray.
         for (u, v) in [(-0.5, -0.5), (639.5, -0.5), (-0.5, 479.5), (639.5, 479.5)] {
             if let Ok(ray) = camera.unproject(&Vector2::new(u, v)) {
-                check(&camera, &(ray * 2.0));
+                check(&camera, &(ray * 2.0), 1.0);
             }
         }
         // Close before the fold (or the pole), and far out where there is none.
-        let edge = camera.field_radius().min(50.0);
-        for share in [0.9, 0.999, 1.0 - 1e-6] {
-            check(
-                &camera,
-                &Vector3::new(edge * share * 0.6, -edge * share * 0.8, 1.0),
-            );
+        let edge = camera.field_radius().min(5.0);
+        for before_edge in [0.1, 1e-3, 1e-6] {
+            let slope = Vector2::new(0.6, -0.8) * (edge * (1.0 - before_edge));
+            check(&camera, &slope.push(1.0), before_edge);
         }
     }
 }
