@@ -478,3 +478,11 @@ fn val_opencv_three_lens_models() {
     }
     assert_eq!((projected, undistorted), (30, 18));
 }
+
+/// A finite point so far to the side that its pixel overflows was given an infinite pixel.
+#[test]
+fn regress_a_pinhole_pixel_that_overflows_is_none() {
+    let far = Vector3::new(-1e306, 0.0, 1.0);
+    assert!(pinhole().project(&far).is_none());
+    assert!(pinhole().project_with_jacobian(&far).is_none());
+}

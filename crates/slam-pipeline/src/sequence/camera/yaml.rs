@@ -35,6 +35,8 @@ pub(super) fn load<'a>(path: &Path, text: &'a str) -> Result<Vec<MarkedYaml<'a>>
 pub(super) struct Node<'a> {
     path: &'a Path,
     name: String,
+    /// Line of the key, of a list's entry its own.
+    line: u64,
     value: &'a MarkedYaml<'a>,
 }
 
@@ -50,6 +52,7 @@ impl<'a> Node<'a> {
             .map(|value| Self {
                 path,
                 name: String::new(),
+                line: 1,
                 value: untagged(value),
             })
             .ok_or_else(|| file_fault(path, "keys with values", "a text without keys"))
@@ -57,13 +60,12 @@ impl<'a> Node<'a> {
 
     /// The value of a key, if this is a mapping that has it.
     pub(super) fn get(&self, key: &str) -> Option<Self> {
-        let value = match &self.value.data {
-            YamlData::Mapping(mapping) => mapping
-                .iter()
-                .find(|(name, _)| text_of(name).is_some_and(|name| name == key))
-                .map(|(_, value)| value)?,
-            _ => return None,
+        let YamlData::Mapping(mapping) = &self.value.data else {
+            return None;
         };
+        let (found, value) = mapping
+            .iter()
+            .find(|(name, _)| text_of(name).is_some_and(|name| name == key))?;
         Some(Self {
             path: self.path,
             name: if self.name.is_empty() {
@@ -71,6 +73,7 @@ impl<'a> Node<'a> {
             } else {
                 format!("{key} of {}", self.name)
             },
+            line: line_of(found),
             value: untagged(value),
         })
     }
@@ -159,6 +162,7 @@ impl<'a> Node<'a> {
                 Self {
                     path: self.path,
                     name: self.name.clone(),
+                    line: line_of(entry),
                     value: untagged(entry),
                 }
                 .number()
@@ -213,9 +217,12 @@ impl<'a> Node<'a> {
     }
 
     fn at(&self, expected: String, found: impl Into<String>) -> SequenceError {
-        let line = self.value.span.start.line() as u64;
-        line_fault(self.path, line, expected, found)
+        line_fault(self.path, self.line, expected, found)
     }
+}
+
+fn line_of(value: &MarkedYaml<'_>) -> u64 {
+    value.span.start.line() as u64
 }
 
 /// What a tag such as `!!opencv-matrix` stands before.
