@@ -9,6 +9,7 @@
 //! world); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
+pub mod bundle;
 pub mod camera;
 pub mod distortion;
 pub mod epipolar;
