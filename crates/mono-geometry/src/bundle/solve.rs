@@ -40,7 +40,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// No robust loss, 100 iterations, gradient 1e-9, cost 1e-11, step 1e-8, damping 1e-4.
+    /// No robust loss, 100 iterations, gradient 1e-9, cost 1e-11, step 1e-8, damping 1e-7.
     fn default() -> Self {
         Self {
             loss: RobustLoss::None,
@@ -48,7 +48,7 @@ impl Default for Options {
             gradient_tolerance: 1e-9,
             cost_tolerance: 1e-11,
             step_tolerance: 1e-8,
-            initial_damping: 1e-4,
+            initial_damping: 1e-7,
         }
     }
 }
