@@ -14,7 +14,6 @@ use mono_geometry::{RobustLoss, Se3};
 use nalgebra::SMatrix;
 
 #[path = "../tests/common/wall_run.rs"]
-#[expect(dead_code, reason = "shared with the tests, which ask for more")]
 mod wall_run;
 
 use wall_run::{Simulated, WallRun};

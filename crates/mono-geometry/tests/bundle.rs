@@ -380,7 +380,7 @@ fn the_order_of_observations_does_not_matter() {
     };
     let (straight, cost) = solved(&simulated.problem, &options);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut shuffled = simulated.problem.clone();
+    let mut shuffled = simulated.problem;
     for k in (1..shuffled.observations.len()).rev() {
         shuffled.observations.swap(k, rng.random_range(0..=k));
     }
@@ -432,7 +432,7 @@ fn the_cost_curve_and_the_reason_fit_together() {
     }
     assert_eq!(before, adjusted.cost);
     assert_eq!(adjusted.jacobian_evaluations, taken + 1);
-    assert!(adjusted.cost_evaluations >= taken + 1);
+    assert!(adjusted.cost_evaluations > taken);
     match adjusted.termination {
         Termination::CostChange {
             relative,
@@ -505,7 +505,7 @@ fn a_step_behind_the_camera_is_refused() {
 fn landmarks_with_too_little_information_are_counted_and_do_no_harm() {
     let simulated = wall_run::planar(&small(6));
     let (plain, cost) = solved(&simulated.problem, &Options::default());
-    let mut problem = simulated.problem.clone();
+    let mut problem = simulated.problem;
     let first = problem.landmarks.len();
     // Never seen; seen once; seen twice from the same place; seen on the optical axis; at infinity from all poses.
     problem.landmarks.push(Vector3::new(1.0, 2.0, 3.0));
