@@ -11,7 +11,8 @@ Jacobian) and GTSAM's Levenberg-Marquardt start from the same start and minimise
     1/2 sum rho(|pixel error / sigma|^2) + 1/2 sum |log(measured^-1 * motion)|^2_covariance.
 
 scipy knows losses of single residuals only, so a pixel error r enters as r sqrt(rho(|r|^2) / |r|^2), whose square is
-rho. Rounds alternate: ours, GTSAM, ours, GTSAM, ... ; scipy once (it is not made for this, minutes). Times are those
+rho. Rounds alternate: ours, GTSAM, ours, GTSAM, ... ; scipy once (it is not made for this, minutes). Lines are appended to
+the CSV; --case does one case. Times are those
 of the minimisation alone, the problem in memory. Nothing here is shared with the Rust code but the file.
 """
 import argparse
@@ -362,6 +363,7 @@ def main():
     parser.add_argument("--csv")
     parser.add_argument("--small")
     parser.add_argument("--no-scipy", action="store_true")
+    parser.add_argument("--no-gtsam", action="store_true")
     parser.add_argument("--case", help="KIND-LOSS only")
     options = parser.parse_args()
     if options.small:
@@ -378,7 +380,7 @@ def main():
         for _ in range(options.rounds):
             p = run(options.example, arguments, options.core)
             ours += p["result_seconds"]
-            if gtsam:
+            if gtsam and not options.no_gtsam:
                 theirs.append(solve_gtsam(p))
         row = [kind, loss, outliers, len(p["observations"])]
         rows.append([*row, "ours", p["result_cost"], 0, 0, 0, statistics.median(ours), min(ours), max(ours), p["result_iterations"]])
@@ -393,12 +395,13 @@ def main():
             r, t = bundle.poses(found.x)
             rows.append([*row, "scipy", found.cost, found.cost / p["result_cost"] - 1, *compare(p, r, t),
                          seconds, seconds, seconds, found.nfev])
-        for line in rows[-3:]:
-            print(line, flush=True)
+        for line in rows:
+            print([float(v) if isinstance(v, np.floating) else v for v in line], flush=True)
     if options.csv:
-        with open(options.csv, "w", newline="") as f:
+        new = not os.path.exists(options.csv)
+        with open(options.csv, "a", newline="") as f:
             out = csv.writer(f)
-            out.writerow("poses loss outlier_share observations solver cost cost_relative_difference largest_position_m "
+            new and out.writerow("poses loss outlier_share observations solver cost cost_relative_difference largest_position_m "
                          "largest_angle_rad median_s min_s max_s iterations".split())
             out.writerows(rows)
 
