@@ -9,6 +9,7 @@
 //! world); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
+pub mod bundle;
 pub mod camera;
 pub mod distortion;
 pub mod epipolar;
@@ -18,6 +19,7 @@ pub mod inverse_depth;
 pub mod linalg;
 pub mod motion;
 pub mod mount;
+pub mod robust_loss;
 pub mod se2;
 pub mod se3;
 mod series;
@@ -32,6 +34,7 @@ pub use homography::Homography;
 pub use inverse_depth::InverseDepthPoint;
 pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
+pub use robust_loss::RobustLoss;
 pub use se2::Se2;
 pub use se3::Se3;
 pub use triangulation::{Acceptance, Observation, Rejection, Triangulated, triangulate};
