@@ -26,7 +26,7 @@ mod series;
 pub mod so3;
 pub mod triangulation;
 
-pub use camera::{Camera, Pinhole};
+pub use camera::{Camera, ParameterJacobian, Pinhole};
 pub use distortion::Distortion;
 pub use epipolar::EpipolarPair;
 pub use error::GeometryError;
