@@ -10,6 +10,7 @@
 
 pub mod angle;
 pub mod bundle;
+pub mod calibration;
 pub mod camera;
 pub mod distortion;
 pub mod epipolar;
