@@ -8,7 +8,7 @@
 //!
 //! Many points ([`fit`]):
 //! 1. both sets are shifted to their centroids and scaled to mean distance sqrt 2;
-//! 2. direct linear transformation: target x (H source) = 0 gives two rows a point; the null vector starts
+//! 2. direct linear transformation: target x (H source) = 0 gives two rows a point, and their null vector a start;
 //! 3. Levenberg-Marquardt on the transfer error sum |target - H source|^2 / sigma^2, on the sphere |H| = 1;
 //! 4. the covariance of H is the pseudo-inverse of the information J^T J, which has rank 8.
 //!
@@ -23,7 +23,7 @@
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use crate::linalg::{cholesky, null_vector, svd, svd3, symmetrize};
+use crate::linalg::{cholesky, svd, svd3, symmetrize};
 
 /// A 9x9 matrix over the entries of H, row by row.
 pub type Matrix9 = SMatrix<f64, 9, 9>;
@@ -248,8 +248,7 @@ pub fn fit(
         .zip(target)
         .map(|(s, t)| (from.apply(s), to.apply(t)))
         .collect();
-    let start = linear(&pairs)?;
-    let (h, iterations) = refine(&pairs, start);
+    let (h, iterations) = refine(&pairs, linear(&pairs));
     let Some((jacobian, squared)) = system(&pairs, &h) else {
         return Err(degenerate(7));
     };
@@ -293,6 +292,18 @@ pub fn fit(
     })
 }
 
+/// The linear solution alone, to start other refinements; `None` for points that cannot be used.
+pub(crate) fn rough(source: &[Vector2<f64>], target: &[Vector2<f64>]) -> Option<Homography> {
+    check(source, target).ok()?;
+    let (from, to) = (Similarity::of(source)?, Similarity::of(target)?);
+    let pairs: Vec<_> = source
+        .iter()
+        .zip(target)
+        .map(|(s, t)| (from.apply(s), to.apply(t)))
+        .collect();
+    Homography::from_matrix(&(to.back() * unpack(&linear(&pairs)) * from.forth()))
+}
+
 /// Index triples of four points.
 const TRIPLES: [[usize; 3]; 4] = [[1, 2, 3], [2, 0, 3], [0, 1, 3], [0, 1, 2]];
 
@@ -315,23 +326,27 @@ fn check(source: &[Vector2<f64>], target: &[Vector2<f64>]) -> Result<(), Homogra
     }
 }
 
-/// Null vector of the direct linear transformation, in normalised coordinates.
-fn linear(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> Result<Vector9, HomographyError> {
-    let mut rows = DMatrix::zeros(2 * pairs.len(), 9);
-    for (k, (s, t)) in pairs.iter().enumerate() {
-        let point = [s.x, s.y, 1.0];
-        for column in 0..3 {
-            rows[(2 * k, column)] = point[column];
-            rows[(2 * k, 6 + column)] = -t.x * point[column];
-            rows[(2 * k + 1, 3 + column)] = point[column];
-            rows[(2 * k + 1, 6 + column)] = -t.y * point[column];
+/// Direct linear transformation in normalised coordinates: the eigenvector of the smallest eigenvalue of A^T A.
+///
+/// Squaring A costs half the digits, which the refinement gives back.
+fn linear(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> Vector9 {
+    let mut square = Matrix9::zeros();
+    for (s, t) in pairs {
+        for axis in 0..2 {
+            let mut row = Vector9::zeros();
+            for (column, value) in [s.x, s.y, 1.0].into_iter().enumerate() {
+                row[3 * axis + column] = value;
+                row[6 + column] = -t[axis] * value;
+            }
+            square.syger(1.0, &row, &row, 1.0);
         }
     }
-    let null = null_vector(&rows).map_err(|_unusable| HomographyError::Degenerate { rank: 0 })?;
-    if null.rank < 8 {
-        return Err(HomographyError::Degenerate { rank: null.rank });
-    }
-    Ok(Vector9::from_iterator(null.vector.iter().copied()))
+    square.fill_upper_triangle_with_lower_triangle();
+    let eigen = square.symmetric_eigen();
+    eigen
+        .eigenvectors
+        .column(eigen.eigenvalues.imin())
+        .into_owned()
 }
 
 /// Levenberg-Marquardt from a linear start; returns the best H and the accepted steps.

@@ -191,7 +191,7 @@ fn pose(camera: &Camera, view: &UsableView<'_>) -> Option<Se3> {
             normalized.push(point);
         }
     }
-    let fit = homography::fit(&board, &normalized).ok()?;
+    let through_lens = homography::rough(&board, &normalized)?;
     let unit = Pinhole {
         width: 1,
         height: 1,
@@ -202,7 +202,7 @@ fn pose(camera: &Camera, view: &UsableView<'_>) -> Option<Se3> {
     };
     let count = board.len() as f64;
     let middle = board.iter().map(|b| b / count).sum();
-    pose_from_homography(&unit, &fit.homography, &middle)
+    pose_from_homography(&unit, &through_lens, &middle)
 }
 
 fn perspective_camera(
