@@ -88,3 +88,16 @@ fn a_robust_loss_survives_wrong_corners() {
     assert!(off(&robust) < 4.5 * robust.parameter("fx").unwrap().sigma);
     assert!(robust.parameter("fx").unwrap().sigma < 0.5 * plain.parameter("fx").unwrap().sigma);
 }
+
+/// Corners counted along the other axis: the same plane seen from behind.
+#[test]
+fn a_mirrored_board_is_another_pose_of_its_plane() {
+    let camera = radtan();
+    let mut all = views(&camera, &poses(&camera, 6, 3), None);
+    for corner in &mut all[2].corners {
+        corner.board_m = corner.board_m.yx();
+    }
+    let calibration = run(&all, LensModel::Radtan);
+    assert!(calibration.rms_px < 1e-9);
+    assert!(errors(&calibration, &camera).amax() < 1e-7);
+}
