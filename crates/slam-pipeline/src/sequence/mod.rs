@@ -26,7 +26,9 @@ mod tum;
 
 use std::path::{Path, PathBuf};
 
-pub use camera::{CameraFile, DistortionFile, MountFile};
+pub use camera::{
+    CameraFile, CameraFormat, DistortionFile, MountFile, calibration_text, read_calibration,
+};
 pub use error::SequenceError;
 pub use images::GreyImage;
 pub use odometry::{MAX_ANGULAR_SPEED_RADPS, MAX_SPEED_MPS, OdometryRow};
