@@ -55,7 +55,8 @@ fn mean_nees(
     (total / f64::from(runs), shrunk / f64::from(runs), free)
 }
 
-/// Mean of chi-square(p) over n runs, scaled by F with nu degrees of freedom: within 4.5 standard errors of p nu / (nu - 2).
+/// Mean of chi-square(p) over n runs, scaled by F with nu degrees of freedom: within 4.5 standard errors of p nu / (nu
+/// - 2).
 fn assert_consistent(mean: f64, free: usize, runs: u32, degrees: usize) {
     let p = free as f64;
     let expected = p * degrees as f64 / (degrees as f64 - 2.0);
@@ -85,7 +86,8 @@ fn nees_kannala_brandt_is_inside_its_band() {
 
 #[test]
 fn nees_rational_is_inside_its_band() {
-    // Little noise: the coefficients are nearly interchangeable, and the Gaussian holds only while the valley is straight.
+    // Little noise: the coefficients are nearly interchangeable, and the Gaussian holds only while the valley is
+    // straight.
     let (mean, _, free) = mean_nees(&rational(), LensModel::Rational, 6, 80, 0.02, 43);
     assert_eq!(free, 12);
     assert_consistent(mean, free, 80, 6 * 108 - 12 - 36);

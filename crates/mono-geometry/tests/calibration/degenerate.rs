@@ -225,8 +225,8 @@ fn a_view_that_does_not_fit_is_named_and_only_it() {
     assert_eq!(named, [5]);
 }
 
-/// Corners near the image centre: the lens beyond them is a guess. Where the rational model has to be guessed from them,
-/// numerator and denominator are interchangeable.
+/// Corners near the image centre: the lens beyond them is a guess. Where the rational model has to be guessed from
+/// them, numerator and denominator are interchangeable.
 #[test]
 fn corners_in_the_middle_do_not_show_the_lens() {
     let camera = radtan();

@@ -36,7 +36,7 @@ pub(crate) fn radtan() -> Camera {
         p2: -3e-4,
         k3: 0.0,
     };
-    Camera::new(pinhole(530.0), lens).unwrap()
+    Camera::new(pinhole(530.0), lens).expect("valid")
 }
 
 pub(crate) fn rational() -> Camera {
@@ -51,7 +51,7 @@ pub(crate) fn rational() -> Camera {
         k5: 0.547,
         k6: 0.219,
     };
-    Camera::new(pinhole(260.0), lens).unwrap()
+    Camera::new(pinhole(260.0), lens).expect("valid")
 }
 
 pub(crate) fn fisheye() -> Camera {
@@ -61,7 +61,7 @@ pub(crate) fn fisheye() -> Camera {
         k3: -0.014,
         k4: 0.0031,
     };
-    Camera::new(pinhole(220.0), lens).unwrap()
+    Camera::new(pinhole(220.0), lens).expect("valid")
 }
 
 pub(crate) fn board() -> Vec<Vector2<f64>> {
@@ -161,7 +161,7 @@ pub(crate) fn exact_homographies(intrinsics: &Matrix3<f64>, poses: &[Se3]) -> Ve
                 rotation.column(1).into_owned(),
                 pose.translation,
             ];
-            Homography::from_matrix(&(intrinsics * Matrix3::from_columns(&columns))).unwrap()
+            Homography::from_matrix(&(intrinsics * Matrix3::from_columns(&columns))).expect("valid")
         })
         .collect()
 }
