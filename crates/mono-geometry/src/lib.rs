@@ -10,10 +10,12 @@
 
 pub mod angle;
 pub mod bundle;
+pub mod calibration;
 pub mod camera;
 pub mod distortion;
 pub mod epipolar;
 pub mod error;
+pub mod homography;
 pub mod inverse_depth;
 pub mod linalg;
 pub mod motion;
@@ -29,6 +31,7 @@ pub use camera::{Camera, ParameterJacobian, Pinhole};
 pub use distortion::Distortion;
 pub use epipolar::EpipolarPair;
 pub use error::GeometryError;
+pub use homography::Homography;
 pub use inverse_depth::InverseDepthPoint;
 pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
