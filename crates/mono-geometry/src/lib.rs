@@ -17,6 +17,7 @@ pub mod inverse_depth;
 pub mod linalg;
 pub mod motion;
 pub mod mount;
+pub mod pnp;
 pub mod robust_loss;
 pub mod se2;
 pub mod se3;

@@ -155,13 +155,13 @@ pub fn triangulate(
     })?;
     require_in_front(observations, &start)?;
     let minimum = refine::refine(pinhole, observations, &start, acceptance)?;
-    accept(observations, minimum, acceptance)
+    accept(observations, &minimum, acceptance)
 }
 
 /// The tests of step 5 on a minimum of the reprojection error.
 fn accept(
     observations: &[Observation],
-    minimum: Minimum,
+    minimum: &Minimum,
     acceptance: &Acceptance,
 ) -> Result<Triangulated, Rejection> {
     let parallax_rad = require_parallax(parallax_at(observations, &minimum.point), acceptance)?;

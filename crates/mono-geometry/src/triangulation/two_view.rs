@@ -169,7 +169,7 @@ pub fn triangulate_two_views(
         chi_square: correction.chi_square,
         iterations: correction.iterations,
     };
-    accept(observations, minimum, acceptance)
+    accept(observations, &minimum, acceptance)
 }
 
 /// Minimise |a|^2 + |b|^2 subject to b^T M a + g1 . a + g2 . b + c = 0.
@@ -226,7 +226,8 @@ impl Problem {
         // With mu = |lambda| |M| = 1 - gap the gap is what must not be lost to rounding; it is searched on a log scale.
         let value = |gap: f64| split.constraint(gap);
         let (mut low, mut high) = (-690.0_f64, 0.0_f64);
-        if !(value(low.exp()).0 < 0.0) {
+        let bracketed = value(low.exp()).0 < 0.0;
+        if !bracketed {
             return None;
         }
         let mut at = -1.0_f64;
@@ -274,7 +275,8 @@ impl Problem {
         let u = *Rotation2::new(0.5 * (turn + mirror)).matrix();
         let v = Rotation2::new(0.5 * (turn - mirror)).matrix().transpose();
         let s = Vector2::new(even.norm() + odd.norm(), even.norm() - odd.norm());
-        if !(s.x > 0.0) {
+        let curved = s.x > 0.0;
+        if !curved {
             return None;
         }
         let (a, b) = (v.transpose() * self.g1 * sign, u.transpose() * self.g2 * sign);
