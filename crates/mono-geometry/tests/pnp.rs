@@ -34,7 +34,10 @@ fn nearest(truth: &Se3, found: &[Se3], scale: f64) -> f64 {
 }
 
 /// Bearings of camera points, and the points in the world.
-fn problem(world_from_camera: &Se3, in_camera: &[Vector3<f64>; 3]) -> ([Vector3<f64>; 3], [Vector3<f64>; 3]) {
+fn problem(
+    world_from_camera: &Se3,
+    in_camera: &[Vector3<f64>; 3],
+) -> ([Vector3<f64>; 3], [Vector3<f64>; 3]) {
     (
         in_camera.map(|p| p.normalize()),
         in_camera.map(|p| world_from_camera.transform_point(&p)),
@@ -54,7 +57,11 @@ fn a_hundred_thousand_random_triples() {
         );
         let in_camera = [(); 3].map(|()| {
             let depth = uniform(&mut rng, 0.1, 10.0);
-            Vector3::new(uniform(&mut rng, -1.0, 1.0), uniform(&mut rng, -1.0, 1.0), 1.0) * depth
+            Vector3::new(
+                uniform(&mut rng, -1.0, 1.0),
+                uniform(&mut rng, -1.0, 1.0),
+                1.0,
+            ) * depth
         });
         let (rays, points) = problem(&truth, &in_camera);
         let solutions = p3p(&rays, &points);
@@ -73,7 +80,11 @@ fn a_hundred_thousand_random_triples() {
             );
             let depth = 1.0 / fov;
             let in_camera = [(); 3].map(|()| {
-                Vector3::new(uniform(&mut rng, -1.0, 1.0), uniform(&mut rng, -1.0, 1.0), depth + uniform(&mut rng, -1.0, 1.0))
+                Vector3::new(
+                    uniform(&mut rng, -1.0, 1.0),
+                    uniform(&mut rng, -1.0, 1.0),
+                    depth + uniform(&mut rng, -1.0, 1.0),
+                )
             });
             let (rays, points) = problem(&truth, &in_camera);
             let solutions = p3p(&rays, &points);

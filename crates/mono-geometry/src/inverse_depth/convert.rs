@@ -25,7 +25,9 @@ pub const CONVERSION_LINEARITY_INDEX: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NotYet {
     /// The point is at infinity or beyond.
-    #[error("inverse depth {rho} 1/m has no finite point (standard deviation {sigma_rho} 1/m), required: above 0")]
+    #[error(
+        "inverse depth {rho} 1/m has no finite point (standard deviation {sigma_rho} 1/m), required: above 0"
+    )]
     AtInfinity {
         /// Inverse depth, 1/m.
         rho: f64,

@@ -145,9 +145,8 @@ fn start(
         .min_by(|i, j| distance(&cameras[*i]).total_cmp(&distance(&cameras[*j])))
         .unwrap_or(0);
     let anchor_from_world = world_from_anchor.rotation.inverse();
-    let ray_of = |view: usize| {
-        cameras[view].rotation * pinhole.bearing(&observations[view].pixel_ideal)
-    };
+    let ray_of =
+        |view: usize| cameras[view].rotation * pinhole.bearing(&observations[view].pixel_ideal);
     let ray = anchor_from_world * ray_of(nearest);
     let in_front = ray.z > 0.0;
     if !in_front {

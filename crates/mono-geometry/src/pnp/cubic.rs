@@ -38,7 +38,8 @@ pub(super) fn real_roots(c3: f64, c2: f64, c1: f64, c0: f64) -> [Option<f64>; 3]
         let large = (r.abs() + discriminant.sqrt()).cbrt().copysign(r);
         let small = if large == 0.0 { 0.0 } else { q / large };
         // At a double root rounding may have hidden the other two, at minus half the single one.
-        let double = (discriminant <= 1e-10 * r * r).then(|| polish(-0.5 * (large + small) - third));
+        let double =
+            (discriminant <= 1e-10 * r * r).then(|| polish(-0.5 * (large + small) - third));
         [polish(large + small - third), double.flatten(), None]
     }
 }
@@ -71,26 +72,46 @@ mod tests {
             [-1.0, -1.0, 4.0],
         ] {
             let [p, q, r] = roots;
-            let found = real_roots(2.0, -2.0 * (p + q + r), 2.0 * (p * q + q * r + r * p), -2.0 * p * q * r);
+            let found = real_roots(
+                2.0,
+                -2.0 * (p + q + r),
+                2.0 * (p * q + q * r + r * p),
+                -2.0 * p * q * r,
+            );
             let multiple = p == q || q == r;
             // A root of multiplicity m moves by eps^(1/m).
-            let tolerance = if p == r { 1e-4 } else if multiple { 1e-7 } else { 1e-12 };
+            let tolerance = if p == r {
+                1e-4
+            } else if multiple {
+                1e-7
+            } else {
+                1e-12
+            };
             for root in roots {
                 let nearest = found
                     .iter()
                     .flatten()
                     .map(|x| (x - root).abs())
                     .fold(f64::INFINITY, f64::min);
-                assert!(nearest <= tolerance * (1.0 + root.abs()), "{roots:?} {found:?}");
+                assert!(
+                    nearest <= tolerance * (1.0 + root.abs()),
+                    "{roots:?} {found:?}"
+                );
             }
         }
     }
 
     #[test]
     fn complex_pairs_are_left_out_and_lower_degrees_solved() {
-        let only: Vec<f64> = real_roots(1.0, -3.0, 1.0, -3.0).into_iter().flatten().collect();
+        let only: Vec<f64> = real_roots(1.0, -3.0, 1.0, -3.0)
+            .into_iter()
+            .flatten()
+            .collect();
         assert!(only.len() == 1 && (only[0] - 3.0).abs() < 1e-14);
-        let two: Vec<f64> = real_roots(0.0, 1.0, -3.0, 2.0).into_iter().flatten().collect();
+        let two: Vec<f64> = real_roots(0.0, 1.0, -3.0, 2.0)
+            .into_iter()
+            .flatten()
+            .collect();
         assert!(two.len() == 2 && (two[0] - 2.0).abs() < 1e-15 && (two[1] - 1.0).abs() < 1e-15);
         assert_eq!(real_roots(0.0, 0.0, 2.0, -1.0)[0], Some(0.5));
         assert_eq!(real_roots(0.0, 0.0, 0.0, 0.0), [None; 3]);

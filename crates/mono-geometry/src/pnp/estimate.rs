@@ -50,7 +50,12 @@ pub fn estimate_pose(
             let camera_from_world = pose.inverse();
             let cost: f64 = correspondences
                 .iter()
-                .map(|c| options.loss.at(squared_error(pinhole, &camera_from_world, c)).rho)
+                .map(|c| {
+                    options
+                        .loss
+                        .at(squared_error(pinhole, &camera_from_world, c))
+                        .rho
+                })
                 .sum();
             if cost.is_finite() {
                 candidates.push((cost, *pose));
@@ -69,7 +74,8 @@ pub fn estimate_pose(
             break;
         }
         // Triangles agree on the true pose up to noise: poses within a tenth of a radian lead to one minimum.
-        let turned = |other: &Se3| so3::log(&(other.rotation.inverse() * pose.rotation)).norm() > 0.1;
+        let turned =
+            |other: &Se3| so3::log(&(other.rotation.inverse() * pose.rotation)).norm() > 0.1;
         if !starts.iter().all(turned) {
             continue;
         }
@@ -89,7 +95,10 @@ pub fn estimate_pose(
         .iter()
         .skip(1)
         .find(|other| {
-            let apart = estimate.world_from_camera.inverse().compose(&other.world_from_camera);
+            let apart = estimate
+                .world_from_camera
+                .inverse()
+                .compose(&other.world_from_camera);
             let delta = apart.log();
             // The same minimum again is within a fraction of its own standard deviations.
             (0..6).any(|k| delta[k].abs() > 1e-3 * estimate.covariance[(k, k)].sqrt())

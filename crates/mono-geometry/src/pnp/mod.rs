@@ -20,10 +20,12 @@ mod cubic;
 mod estimate;
 mod p3p;
 mod refine;
+mod robust;
 
 pub use estimate::{PoseFit, estimate_pose};
 pub use p3p::{P3pSolutions, p3p};
 pub use refine::{PoseEstimate, RefineOptions, Termination, refine_pose};
+pub use robust::{PoseSolver, RobustPose, RobustPoseOptions, estimate_pose_ransac};
 
 use nalgebra::{Vector2, Vector3};
 
@@ -64,7 +66,9 @@ pub enum NoPose {
         required: &'static str,
     },
     /// A point is behind the camera at the start.
-    #[error("point {index} is behind the camera at the start: depth {depth_m} m, required: above 0")]
+    #[error(
+        "point {index} is behind the camera at the start: depth {depth_m} m, required: above 0"
+    )]
     BehindCamera {
         /// Index of the first such point.
         index: usize,
@@ -72,7 +76,9 @@ pub enum NoPose {
         depth_m: f64,
     },
     /// The points leave a motion free (collinear, or all but three coincide).
-    #[error("the points leave a motion of the camera free: pivot {pivot} of the information is {value}, required: above {required}")]
+    #[error(
+        "the points leave a motion of the camera free: pivot {pivot} of the information is {value}, required: above {required}"
+    )]
     Singular {
         /// Index of the first pivot that is rounding error, in the order (rho, omega).
         pivot: usize,
@@ -82,7 +88,9 @@ pub enum NoPose {
         required: f64,
     },
     /// No triangle of the points gave a pose that sees all of them.
-    #[error("none of {candidates} candidate poses from {triangles} triangles sees all points in front")]
+    #[error(
+        "none of {candidates} candidate poses from {triangles} triangles sees all points in front"
+    )]
     NoCandidate {
         /// Triangles tried.
         triangles: usize,

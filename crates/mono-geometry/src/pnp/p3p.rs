@@ -107,11 +107,17 @@ impl Problem {
             edge(2, 0).norm_squared(),
             edge(0, 1).norm_squared(),
         ];
-        let first = (0..3).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+        let first = (0..3).fold(
+            0,
+            |best, k| if squares[k] > squares[best] { k } else { best },
+        );
         let order = [first, (first + 1) % 3, (first + 2) % 3];
         let points = order.map(|k| points[k]);
         let rays = order.map(|k| bearings[k] / bearings[k].norm());
-        let finite = rays.iter().chain(&points).all(|v| v.iter().all(|x| x.is_finite()));
+        let finite = rays
+            .iter()
+            .chain(&points)
+            .all(|v| v.iter().all(|x| x.is_finite()));
         let unit = squares[first].sqrt();
         if !(finite && unit > 0.0 && unit.is_finite()) {
             return None;
@@ -196,13 +202,21 @@ impl Problem {
         let mut found = [nothing; 4];
         for (slot, root) in found.iter_mut().zip(roots) {
             if let Some(g) = root {
-                *slot = if turned { member(g, 1.0) } else { member(1.0, g) };
+                *slot = if turned {
+                    member(g, 1.0)
+                } else {
+                    member(1.0, g)
+                };
             }
         }
         if roots[1].is_none() || roots[2].is_none() {
             let largest = c0.abs().max(c1.abs()).max(c2.abs()).max(c3.abs());
             if c0.abs().max(c3.abs()) <= 1e-12 * largest {
-                found[3] = if turned { member(1.0, 0.0) } else { member(0.0, 1.0) };
+                found[3] = if turned {
+                    member(1.0, 0.0)
+                } else {
+                    member(0.0, 1.0)
+                };
             }
         }
         for slot in &mut found {
@@ -274,8 +288,7 @@ impl Problem {
         let [x1, x2, x3] = self.points;
         let in_camera = frame(&to_second, &to_third);
         let in_world = frame(&(x2 - x1), &(x3 - x1));
-        let rotation =
-            Rotation3::from_matrix_unchecked(in_world * in_camera.transpose());
+        let rotation = Rotation3::from_matrix_unchecked(in_world * in_camera.transpose());
         let centroid_in_camera = (f1 * base + (to_second + to_third) / 3.0) * self.unit;
         let centroid = x1 + ((x2 - x1) + (x3 - x1)) / 3.0;
         Se3::new(rotation, centroid - rotation * centroid_in_camera)
@@ -299,7 +312,13 @@ fn adjugate(matrix: &Matrix3<f64>) -> Matrix3<f64> {
 /// column are the lines (Richter-Gebert 2011, 11.1).
 fn lines(conic: &Matrix3<f64>) -> [Vector3<f64>; 2] {
     let minors = -adjugate(conic);
-    let best = (0..3).fold(0, |k, i| if minors[(i, i)] > minors[(k, k)] { i } else { k });
+    let best = (0..3).fold(0, |k, i| {
+        if minors[(i, i)] > minors[(k, k)] {
+            i
+        } else {
+            k
+        }
+    });
     let squared = minors[(best, best)];
     let meet = if squared > 0.0 {
         minors.column(best) / squared.sqrt()

@@ -114,7 +114,11 @@ pub fn refine_pose(
         required: "finite and above 0",
     })?;
     let start_finite = world_from_camera.translation.iter().all(|v| v.is_finite())
-        && world_from_camera.rotation.matrix().iter().all(|v| v.is_finite());
+        && world_from_camera
+            .rotation
+            .matrix()
+            .iter()
+            .all(|v| v.is_finite());
     if !start_finite {
         return Err(NoPose::BadOption {
             name: "start",
@@ -131,7 +135,10 @@ pub fn refine_pose(
         let undamped = cholesky(&normal.information);
         let mut step_sigmas = f64::INFINITY;
         if let Ok(factor) = &undamped {
-            let decrease = factor.solve(&normal.gradient).dot(&normal.gradient).max(0.0);
+            let decrease = factor
+                .solve(&normal.gradient)
+                .dot(&normal.gradient)
+                .max(0.0);
             step_sigmas = decrease.sqrt();
             if step_sigmas <= STEP_TOLERANCE_SIGMAS {
                 break Termination::StepSmall {
@@ -139,7 +146,8 @@ pub fn refine_pose(
                     threshold: STEP_TOLERANCE_SIGMAS,
                 };
             }
-            let threshold = 4.0 * f64::EPSILON * normal.robust_chi_square * correspondences.len() as f64;
+            let threshold =
+                4.0 * f64::EPSILON * normal.robust_chi_square * correspondences.len() as f64;
             if decrease <= threshold {
                 break Termination::CostFlat {
                     decrease,
@@ -264,8 +272,8 @@ fn normal_equations(
             normal.gradient.axpy(residual[k], &weighted, 1.0);
         }
     }
-    let finite = normal.robust_chi_square.is_finite()
-        && normal.information.iter().all(|v| v.is_finite());
+    let finite =
+        normal.robust_chi_square.is_finite() && normal.information.iter().all(|v| v.is_finite());
     if finite {
         Ok(normal)
     } else {

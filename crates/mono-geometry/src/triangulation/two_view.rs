@@ -51,13 +51,17 @@ pub struct Correction {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoCorrection {
     /// A number is not finite, or a sigma not positive.
-    #[error("match with constraint value {constraint} is unusable, required: finite numbers, sigma above 0")]
+    #[error(
+        "match with constraint value {constraint} is unusable, required: finite numbers, sigma above 0"
+    )]
     Unusable {
         /// p2^T F p1.
         constraint: f64,
     },
     /// The shortest correction is not unique: the pixels are at the epipoles.
-    #[error("constraint {constraint} cannot be met by one shortest move: at the edge of the search it is {at_edge}, required: the other sign")]
+    #[error(
+        "constraint {constraint} cannot be met by one shortest move: at the edge of the search it is {at_edge}, required: the other sign"
+    )]
     AtEpipole {
         /// p2^T F p1.
         constraint: f64,
@@ -258,8 +262,9 @@ impl Problem {
     /// The constraint at the edge of the admissible multipliers.
     fn at_edge(&self) -> f64 {
         let sign = self.constant.signum();
-        self.split()
-            .map_or(self.constant, |split| sign * split.constraint(f64::MIN_POSITIVE).0)
+        self.split().map_or(self.constant, |split| {
+            sign * split.constraint(f64::MIN_POSITIVE).0
+        })
     }
 
     /// The problem in the singular axes of M, with the sign of c made positive; `None` if M is zero.
@@ -279,7 +284,10 @@ impl Problem {
         if !curved {
             return None;
         }
-        let (a, b) = (v.transpose() * self.g1 * sign, u.transpose() * self.g2 * sign);
+        let (a, b) = (
+            v.transpose() * self.g1 * sign,
+            u.transpose() * self.g2 * sign,
+        );
         let root = std::f64::consts::FRAC_1_SQRT_2;
         Some(Split {
             u,
@@ -334,7 +342,9 @@ impl Split {
     fn moves(&self, gap: f64) -> Move {
         let (lambda, plus, minus) = self.denominators(gap);
         let p = self.sum.component_div(&plus) * -lambda;
-        let m = -(self.difference.zip_map(&minus, |d, by| if d == 0.0 { 0.0 } else { d / by }))
+        let m = -(self
+            .difference
+            .zip_map(&minus, |d, by| if d == 0.0 { 0.0 } else { d / by }))
             * lambda;
         let root = std::f64::consts::FRAC_1_SQRT_2;
         (self.v * (p + m) * root, self.u * (p - m) * root)
