@@ -26,6 +26,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::cubic::real_roots;
+use crate::linalg::cholesky;
 use crate::se3::Se3;
 
 /// Up to four poses, without allocation.
@@ -167,64 +168,45 @@ impl Problem {
     }
 
     /// Steps 2 and 3.
-    fn pencil(&self) -> [Degenerate; 4] {
+    fn pencil(&self) -> [Degenerate; 3] {
         let [a12, a13, _] = self.squared_edges;
-        let a = self.forms[0] - self.forms[2] * a12;
-        let b = self.forms[1] - self.forms[2] * a13;
-        let (adjugate_a, adjugate_b) = (adjugate(&a), adjugate(&b));
-        let c0 = adjugate_a.row(0).transpose().dot(&a.column(0));
-        let c3 = adjugate_b.row(0).transpose().dot(&b.column(0));
-        let c1 = adjugate_a.dot(&b);
-        let c2 = adjugate_b.dot(&a);
-        let member = |along_a: f64, along_b: f64| {
-            let conic = a * along_a + b * along_b;
+        let mut a = self.forms[0] - self.forms[2] * a12;
+        let mut b = self.forms[1] - self.forms[2] * a13;
+        let mut cubic = determinants(&a, &b);
+        // The root must not be lost at infinity: B has to be clearly regular. In a symmetric triangle neither A nor B is,
+        // but then their sum or their difference.
+        let [c0, c1, c2, c3] = cubic;
+        if c0.abs().max(c3.abs()) < 0.1 * c1.abs().max(c2.abs()) {
+            let (sum, difference) = (a + b, a - b);
+            let of_sum = c0 + c1 + c2 + c3;
+            let of_difference = c0 - c1 + c2 - c3;
+            (a, b) = if of_sum.abs() > of_difference.abs() {
+                (difference, sum)
+            } else {
+                (sum, difference)
+            };
+            cubic = determinants(&a, &b);
+        } else if c3.abs() < c0.abs() {
+            (a, b) = (b, a);
+            cubic.reverse();
+        }
+        let [c0, c1, c2, c3] = cubic;
+        real_roots(c3, c2, c1, c0).map(|root| {
+            let g = root.unwrap_or(0.0);
+            let conic = a + b * g;
             let size = conic.amax();
-            let adjugate = adjugate(&conic);
+            let realness = adjugate(&conic).trace() / (size * size);
             Degenerate {
                 conic: conic / size,
                 // On the lines of the conic A and B are proportional: take the one that is not small there.
-                other: if along_a.abs() > along_b.abs() { b } else { a },
-                realness: adjugate.trace() / (size * size),
-            }
-        };
-        let nothing = Degenerate {
-            conic: Matrix3::zeros(),
-            other: Matrix3::zeros(),
-            realness: f64::INFINITY,
-        };
-        // Solve for the ratio whose leading coefficient is larger; the lost root is then the other matrix itself.
-        let turned = c3.abs() < c0.abs();
-        let roots = if turned {
-            real_roots(c0, c1, c2, c3)
-        } else {
-            real_roots(c3, c2, c1, c0)
-        };
-        let mut found = [nothing; 4];
-        for (slot, root) in found.iter_mut().zip(roots) {
-            if let Some(g) = root {
-                *slot = if turned {
-                    member(g, 1.0)
+                other: if g.abs() < 1.0 { b } else { a },
+                realness: if root.is_some() && realness.is_finite() {
+                    realness
                 } else {
-                    member(1.0, g)
-                };
+                    f64::INFINITY
+                },
             }
-        }
-        if roots[1].is_none() || roots[2].is_none() {
-            let largest = c0.abs().max(c1.abs()).max(c2.abs()).max(c3.abs());
-            if c0.abs().max(c3.abs()) <= 1e-12 * largest {
-                found[3] = if turned {
-                    member(1.0, 0.0)
-                } else {
-                    member(0.0, 1.0)
-                };
-            }
-        }
-        for slot in &mut found {
-            if slot.realness.is_nan() {
-                slot.realness = f64::INFINITY;
-            }
-        }
-        found
+        })
     }
 
     /// Steps 4 to 6.
@@ -250,32 +232,45 @@ impl Problem {
     fn polish(&self, direction: &Vector3<f64>) -> Option<Vector3<f64>> {
         let squared = direction.dot(&(self.forms[2] * direction));
         let mut q = direction * squared.sqrt().recip().copysign(direction.x);
-        let mut best = (f64::INFINITY, q);
+        let mut state = self.residual(&q);
         for _ in 0..NEWTON_STEPS {
-            let rows = self.forms.map(|form| form * q);
-            let residual = Vector3::from_fn(|k, _| rows[k].dot(&q) - self.squared_edges[k]);
-            let error = (0..3).fold(0.0_f64, |worst, k| {
-                worst.max(residual[k].abs() / self.squared_edges[k])
-            });
-            let better = error < best.0;
-            if !better {
+            if state.error <= 2.0 * f64::EPSILON {
                 break;
             }
-            best = (error, q);
-            if error <= 2.0 * f64::EPSILON {
+            // Where two solutions meet the Jacobian is singular: the damped step leaves that direction alone.
+            let better = [state.newton(), state.damped()]
+                .into_iter()
+                .find_map(|step| {
+                    let candidate = q - step;
+                    let next = self.residual(&candidate);
+                    (next.error < state.error).then_some((candidate, next))
+                });
+            let Some(next) = better else {
                 break;
-            }
-            let across = rows[1].cross(&rows[2]);
-            let determinant = rows[0].dot(&across);
-            q -= (across * residual.x
-                + rows[2].cross(&rows[0]) * residual.y
-                + rows[0].cross(&rows[1]) * residual.z)
-                * (0.5 / determinant);
+            };
+            (q, state) = next;
         }
-        let (error, q) = best;
+        let error = state.error;
         let base = q.x / self.theta;
         let in_front = base > 0.0 && base + q.y > 0.0 && base + q.z > 0.0;
         (in_front && error <= RESIDUAL_TOLERANCE).then_some(q)
+    }
+
+    fn residual(&self, q: &Vector3<f64>) -> Residual {
+        let rows = self.forms.map(|form| form * q);
+        let value = Vector3::from_fn(|k, _| rows[k].dot(q) - self.squared_edges[k]);
+        let error = (0..3).fold(0.0_f64, |worst, k| {
+            worst.max(value[k].abs() / self.squared_edges[k])
+        });
+        Residual {
+            rows,
+            value,
+            error: if value.iter().all(|v| v.is_finite()) {
+                error
+            } else {
+                f64::INFINITY
+            },
+        }
     }
 
     fn pose(&self, unknowns: &Vector3<f64>) -> Se3 {
@@ -295,11 +290,53 @@ impl Problem {
     }
 }
 
+/// The three equations at (w, u, v).
+struct Residual {
+    /// Half the rows of the Jacobian.
+    rows: [Vector3<f64>; 3],
+    value: Vector3<f64>,
+    /// Largest relative error of a squared edge.
+    error: f64,
+}
+
+impl Residual {
+    fn newton(&self) -> Vector3<f64> {
+        let [a, b, c] = &self.rows;
+        let across = b.cross(c);
+        (across * self.value.x + c.cross(a) * self.value.y + a.cross(b) * self.value.z)
+            * (0.5 / a.dot(&across))
+    }
+
+    fn damped(&self) -> Vector3<f64> {
+        let jacobian = Matrix3::from_columns(&self.rows) * 2.0;
+        let mut normal = jacobian * jacobian.transpose();
+        let damping = 1e-9 * normal.trace();
+        for k in 0..3 {
+            normal[(k, k)] += damping;
+        }
+        cholesky(&normal).map_or_else(
+            |_not_finite| Vector3::zeros(),
+            |factor| factor.solve(&(jacobian * self.value)),
+        )
+    }
+}
+
 /// Orthonormal axes of a triangle from two of its edges: along the third, normal to the plane, and across.
 fn frame(to_second: &Vector3<f64>, to_third: &Vector3<f64>) -> Matrix3<f64> {
     let along = (to_third - to_second).normalize();
     let normal = to_second.cross(to_third).normalize();
     Matrix3::from_columns(&[along, normal, along.cross(&normal)])
+}
+
+/// Coefficients of det(A + g B) by rising powers of g.
+fn determinants(a: &Matrix3<f64>, b: &Matrix3<f64>) -> [f64; 4] {
+    let (adjugate_a, adjugate_b) = (adjugate(a), adjugate(b));
+    [
+        adjugate_a.column(0).dot(&a.column(0)),
+        adjugate_a.dot(b),
+        adjugate_b.dot(a),
+        adjugate_b.column(0).dot(&b.column(0)),
+    ]
 }
 
 /// Adjugate of a symmetric matrix, whose columns are the cross products of its rows.

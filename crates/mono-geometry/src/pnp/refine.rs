@@ -179,7 +179,22 @@ pub fn refine_pose(
             damping = (10.0 * damping).max(FIRST_DAMPING);
         }
     };
-    let factor = cholesky(&normal.information).map_err(|error| match error {
+    let covariance = covariance(&normal.information, correspondences.len())?;
+    Ok(PoseEstimate {
+        world_from_camera: pose,
+        covariance,
+        chi_square: normal.chi_square,
+        robust_chi_square: normal.robust_chi_square,
+        degrees_of_freedom: 2 * correspondences.len() - 6,
+        iterations,
+        termination,
+    })
+}
+
+/// The inverse of the information, if every pivot is above the rounding of a sum of 2 n products, 2 n eps of the diagonal,
+/// times 32 for what elimination adds.
+fn covariance(information: &Matrix6<f64>, points: usize) -> Result<Matrix6<f64>, NoPose> {
+    let factor = cholesky(information).map_err(|error| match error {
         GeometryError::NotPositiveDefinite {
             pivot,
             value,
@@ -191,19 +206,22 @@ pub fn refine_pose(
         },
         _ => NoPose::Singular {
             pivot: 0,
-            value: 0.0,
+            value: f64::NAN,
             required: 0.0,
         },
     })?;
-    Ok(PoseEstimate {
-        world_from_camera: pose,
-        covariance: symmetrize(&factor.inverse()),
-        chi_square: normal.chi_square,
-        robust_chi_square: normal.robust_chi_square,
-        degrees_of_freedom: 2 * correspondences.len() - 6,
-        iterations,
-        termination,
-    })
+    for pivot in 0..6 {
+        let value = factor.l_dirty()[(pivot, pivot)].powi(2);
+        let required = 64.0 * points as f64 * f64::EPSILON * information[(pivot, pivot)];
+        if value <= required {
+            return Err(NoPose::Singular {
+                pivot,
+                value,
+                required,
+            });
+        }
+    }
+    Ok(symmetrize(&factor.inverse()))
 }
 
 /// Squared reprojection error over sigma^2; infinite behind the camera.
