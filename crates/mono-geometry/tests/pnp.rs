@@ -49,7 +49,8 @@ fn problem(
 }
 
 /// How far rounding may move the pose (angle, and position over `scale`): input rounding over the smallest singular value of
-/// the Jacobian of the unit rays by (rho / scale, omega), or its square root where two solutions meet.
+/// the Jacobian of the unit rays by (rho / scale, omega), at most its cube root: on the danger cylinder two solutions meet
+/// (square root), and on lines of it three.
 fn tolerance(world_from_camera: &Se3, in_camera: &[Vector3<f64>; 3], scale: f64) -> f64 {
     let mut jacobian = DMatrix::zeros(9, 6);
     let mut rounding = f64::EPSILON;
@@ -64,7 +65,7 @@ fn tolerance(world_from_camera: &Se3, in_camera: &[Vector3<f64>; 3], scale: f64)
         rounding += f64::EPSILON * (1.0 + world_from_camera.translation.norm() / p.norm());
     }
     let smallest = svd(&jacobian).unwrap().singular_values[5];
-    100.0 * (rounding / smallest).min(rounding.sqrt())
+    100.0 * (rounding / smallest).min(rounding.cbrt())
 }
 
 #[test]

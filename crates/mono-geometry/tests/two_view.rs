@@ -102,11 +102,11 @@ proptest! {
 
     #[test]
     fn it_is_the_minimum_of_hartley_and_sturm(
-        seed in 0_u64..1_000_000, sideways in prop_oneof![Just(0.0), -1.0..1.0_f64],
-        forward in prop_oneof![Just(0.0), 0.01..1.0_f64], up in -0.3..0.3_f64, turn in -0.3..0.3_f64,
+        seed in 0_u64..1_000_000, (sideways, forward) in prop_oneof![
+            (-1.0..1.0_f64, 0.02..1.0_f64), (Just(0.0), 0.02..1.0_f64), (0.02..1.0_f64, Just(0.0)),
+        ], up in -0.3..0.3_f64, turn in -0.3..0.3_f64,
         noise in prop_oneof![Just(0.5), Just(5.0), Just(80.0)],
     ) {
-        prop_assume!(sideways.abs() + forward > 0.02);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mount = Mount::forward();
         let first = mount.world_from_camera(&Se2::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0);

@@ -386,7 +386,7 @@ fn intersect(line: &Vector3<f64>, conic: &Matrix3<f64>) -> [Option<Vector3<f64>>
     // p s^2 + 2 q s t + r t^2 = 0 for s e + t f.
     let discriminant = q * q - p * r;
     // Two solutions about to fall together may have lost the sign to rounding: the polish decides.
-    let real = discriminant >= -1e-6 * (q * q + (p * r).abs());
+    let real = discriminant >= -1e-10 * (p * p + q * q + r * r);
     if !real {
         return [None; 2];
     }
