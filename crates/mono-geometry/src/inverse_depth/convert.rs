@@ -109,7 +109,7 @@ impl InverseDepthPoint {
             && covariance[(2, 2)] >= 0.0
             && euclidean.iter().all(|v| v.is_finite());
         let linearity_index = if usable { index } else { f64::INFINITY };
-        if linearity_index <= max_linearity_index {
+        if usable && linearity_index <= max_linearity_index {
             Ok((point, euclidean))
         } else {
             Err(NotYet::NotLinear {

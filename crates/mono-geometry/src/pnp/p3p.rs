@@ -221,8 +221,12 @@ impl Problem {
                     .iter()
                     .any(|k| (k - unknowns).amax() <= MIN_SINE * k.amax());
                 if !again && solutions.count < 4 {
-                    known[solutions.count] = unknowns;
-                    solutions.push(self.pose(&unknowns));
+                    let pose = self.pose(&unknowns);
+                    // Overflow is no pose.
+                    if finite(&pose) {
+                        known[solutions.count] = unknowns;
+                        solutions.push(pose);
+                    }
                 }
             }
         }
@@ -288,6 +292,11 @@ impl Problem {
         let centroid = x1 + ((x2 - x1) + (x3 - x1)) / 3.0;
         Se3::new(rotation, centroid - rotation * centroid_in_camera)
     }
+}
+
+fn finite(pose: &Se3) -> bool {
+    pose.translation.iter().all(|v| v.is_finite())
+        && pose.rotation.matrix().iter().all(|v| v.is_finite())
 }
 
 /// The three equations at (w, u, v).

@@ -131,12 +131,20 @@ pub fn correct_match(
             (a, b, spent + more)
         }
     };
-    Ok(Correction {
+    let correction = Correction {
         first_px: first_px + a * sigma_first_px,
         second_px: second_px + b * sigma_second_px,
         chi_square: a.norm_squared() + b.norm_squared(),
         iterations,
-    })
+    };
+    let finite = correction.chi_square.is_finite()
+        && correction.first_px.iter().all(|v| v.is_finite())
+        && correction.second_px.iter().all(|v| v.is_finite());
+    if finite {
+        Ok(correction)
+    } else {
+        Err(NoCorrection::Unusable { constraint })
+    }
 }
 
 /// [`super::triangulate`] for two views by the optimal correction: the same minimum, without steps in space. O(1).
