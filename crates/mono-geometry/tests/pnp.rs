@@ -64,7 +64,7 @@ fn tolerance(world_from_camera: &Se3, in_camera: &[Vector3<f64>; 3], scale: f64)
         jacobian.view_mut((3 * k, 0), (3, 6)).copy_from(&rows);
         rounding += f64::EPSILON * (1.0 + world_from_camera.translation.norm() / p.norm());
     }
-    let smallest = svd(&jacobian).unwrap().singular_values[5];
+    let smallest = svd(&jacobian).expect("valid").singular_values[5];
     100.0 * (rounding / smallest).min(rounding.cbrt())
 }
 
@@ -269,7 +269,7 @@ fn scene(
             );
             let exact = pinhole()
                 .project(&truth.inverse().transform_point(&point_in_world))
-                .unwrap();
+                .expect("valid");
             Correspondence {
                 point_in_world,
                 pixel_ideal: exact + Vector2::new(gauss(rng), gauss(rng)) * sigma_px,
@@ -282,7 +282,7 @@ fn scene(
 
 fn nees(truth: &Se3, mean: &Se3, covariance: &nalgebra::Matrix6<f64>) -> f64 {
     let error = mean.inverse().compose(truth).log();
-    error.dot(&cholesky(covariance).unwrap().solve(&error))
+    error.dot(&cholesky(covariance).expect("valid").solve(&error))
 }
 
 #[test]
@@ -303,11 +303,12 @@ fn refined_poses_are_consistent() {
                 let point = Vector3::new(x * depth, depth, z * depth);
                 let exact = pinhole()
                     .project(&truth.inverse().transform_point(&point))
-                    .unwrap();
+                    .expect("valid");
                 seen[k].point_in_world = point;
                 seen[k].pixel_ideal = exact + Vector2::new(gauss(&mut rng), gauss(&mut rng)) * 0.3;
             }
-            let found = refine_pose(&pinhole(), &truth, &seen, &RefineOptions::default()).unwrap();
+            let found =
+                refine_pose(&pinhole(), &truth, &seen, &RefineOptions::default()).expect("valid");
             assert!(found.termination.converged());
             sum += nees(&truth, &found.world_from_camera, &found.covariance);
             chi_square += found.chi_square;
@@ -333,20 +334,20 @@ fn the_refined_pose_is_the_minimum_and_its_covariance_the_curvature() {
             max_iterations: 50,
         };
         let start = truth.compose(&Se3::exp(&Vector6::new(0.3, -0.2, 0.4, 0.1, -0.1, 0.2)));
-        let found = refine_pose(&pinhole(), &start, &seen, &options).unwrap();
+        let found = refine_pose(&pinhole(), &start, &seen, &options).expect("valid");
         let cost = |pose: &Se3| -> f64 {
             seen.iter()
                 .map(|c| {
                     let pixel = pinhole()
                         .project(&pose.inverse().transform_point(&c.point_in_world))
-                        .unwrap();
+                        .expect("valid");
                     ((c.pixel_ideal - pixel) / c.sigma_px).norm_squared()
                 })
                 .sum()
         };
         assert!((cost(&found.world_from_camera) - found.chi_square).abs() < 1e-9);
         assert!(nees(&truth, &found.world_from_camera, &found.covariance) < 30.0);
-        let sigmas = cholesky(&found.covariance).unwrap().l();
+        let sigmas = cholesky(&found.covariance).expect("valid").l();
         for axis in 0..6 {
             for sign in [-1.0, 1.0] {
                 let delta: Vector6<f64> = sigmas.column(axis) * (0.01 * sign);
@@ -378,7 +379,7 @@ fn a_robust_loss_bears_wrong_matches() {
                 max_iterations: 100,
             },
         )
-        .unwrap()
+        .expect("valid")
     };
     let plain = with(RobustLoss::None);
     let cauchy = with(RobustLoss::Cauchy { threshold: 3.0 });
@@ -412,14 +413,14 @@ fn endings_and_refusals_carry_their_numbers() {
             },
         )
     };
-    match refine(&seen, 1).unwrap().termination {
+    match refine(&seen, 1).expect("valid").termination {
         Termination::StepLimit {
             step_sigmas,
             threshold,
         } => assert!(step_sigmas > threshold),
         other => panic!("{other:?}"),
     }
-    match refine(&seen, 50).unwrap().termination {
+    match refine(&seen, 50).expect("valid").termination {
         Termination::StepSmall {
             step_sigmas,
             threshold,
@@ -431,7 +432,7 @@ fn endings_and_refusals_carry_their_numbers() {
     for c in &mut sure {
         c.sigma_px = 1e-9;
     }
-    match refine(&sure, 50).unwrap().termination {
+    match refine(&sure, 50).expect("valid").termination {
         Termination::CostFlat {
             decrease,
             threshold,
@@ -474,12 +475,12 @@ fn endings_and_refusals_carry_their_numbers() {
         Err(NoPose::BadOption { .. })
     ));
     // Points of one line leave the turn about it free; one point many times leaves more.
-    let mut line = seen.clone();
+    let mut line = seen;
     for (k, c) in line.iter_mut().enumerate() {
         c.point_in_world = Vector3::new(0.0, 4.0, 0.0) + Vector3::new(0.1, 0.05, 0.02) * k as f64;
         c.pixel_ideal = pinhole()
             .project(&truth.inverse().transform_point(&c.point_in_world))
-            .unwrap();
+            .expect("valid");
     }
     assert!(refine(&line, 50).is_err());
     assert!(matches!(
@@ -502,8 +503,8 @@ fn poses_without_a_start() {
             }
             let truth = moved.compose(&truth);
             let reference =
-                refine_pose(&pinhole(), &truth, &seen, &RefineOptions::default()).unwrap();
-            let fit = estimate_pose(&pinhole(), &seen, &RefineOptions::default()).unwrap();
+                refine_pose(&pinhole(), &truth, &seen, &RefineOptions::default()).expect("valid");
+            let fit = estimate_pose(&pinhole(), &seen, &RefineOptions::default()).expect("valid");
             // Never above the minimum next to the truth, except for the tolerance of both.
             missed +=
                 usize::from(fit.estimate.chi_square > reference.chi_square * (1.0 + 1e-6) + 1e-6);
@@ -531,8 +532,8 @@ fn a_pose_among_wrong_matches() {
             },
             ..RobustPoseOptions::default()
         };
-        let found =
-            estimate_pose_ransac(&pinhole(), &seen, &mut Uniform::default(), &options).unwrap();
+        let found = estimate_pose_ransac(&pinhole(), &seen, &mut Uniform::default(), &options)
+            .expect("valid");
         // 1e-6 of chi-square with six degrees of freedom lies above 38.3; truncation makes the covariance 6 % small.
         assert!(
             nees(
@@ -552,14 +553,14 @@ fn a_pose_among_wrong_matches() {
             2 * found.inliers.len() - 6
         );
         assert!(found.trials < 300, "{}", found.trials);
-        let again =
-            estimate_pose_ransac(&pinhole(), &seen, &mut Uniform::default(), &options).unwrap();
+        let again = estimate_pose_ransac(&pinhole(), &seen, &mut Uniform::default(), &options)
+            .expect("valid");
         assert_eq!(found, again);
         // The good ones first: a handful of samples.
         let qualities: Vec<f64> = (0..100).map(f64::from).collect();
         let ordered =
             estimate_pose_ransac(&pinhole(), &seen, &mut Prosac::new(&qualities), &options)
-                .unwrap();
+                .expect("valid");
         assert!(ordered.trials <= found.trials);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(1);

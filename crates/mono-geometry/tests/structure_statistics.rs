@@ -44,7 +44,7 @@ impl Consistency {
         covariance: &Matrix3<f64>,
         along: &Vector3<f64>,
     ) -> f64 {
-        let nees = error.dot(&cholesky(covariance).unwrap().solve(error));
+        let nees = error.dot(&cholesky(covariance).expect("valid").solve(error));
         self.nees += nees;
         let score = along.dot(error) / along.dot(&(covariance * along)).sqrt();
         self.bias += score;
@@ -115,7 +115,7 @@ fn run(parallax_deg: f64) -> Trials {
         let found = triangulate(&pinhole(), &observations, &open()).expect("no trial is lost");
         let direct = triangulate_two_views(&pinhole(), &observations, &open()).expect("nor here");
         let apart = found.point - direct.point;
-        assert!(apart.dot(&cholesky(&found.covariance).unwrap().solve(&apart)) < 1e-9);
+        assert!(apart.dot(&cholesky(&found.covariance).expect("valid").solve(&apart)) < 1e-9);
         let in_metres = trials
             .metres
             .add(&(found.point - target), &found.covariance, &along);

@@ -27,7 +27,7 @@ fn hartley_sturm(fundamental: &Matrix3<f64>, first: &Vector2<f64>, second: &Vect
             .map(|(i, j)| rows[i].cross(&rows[j]))
             .into_iter()
             .max_by(|p, q| p.norm().total_cmp(&q.norm()))
-            .unwrap()
+            .expect("valid")
     };
     let scaled = |e: Vector3<f64>| e / e.xy().norm();
     let (e, e2) = (scaled(null(&moved)), scaled(null(&moved.transpose())));
@@ -94,7 +94,7 @@ fn hartley_sturm(fundamental: &Matrix3<f64>, first: &Vector2<f64>, second: &Vect
 }
 
 fn pair(first: &Se3, second: &Se3) -> EpipolarPair {
-    EpipolarPair::new(&pinhole(), first, second).unwrap()
+    EpipolarPair::new(&pinhole(), first, second).expect("valid")
 }
 
 proptest! {
@@ -115,18 +115,18 @@ proptest! {
         // Anywhere in the image, near the epipoles as well, plus noise: not only plausible matches.
         let p1 = Vector2::new(160.0, 120.0) + Vector2::new(gauss(&mut rng), gauss(&mut rng)) * 60.0;
         let p2 = p1 + Vector2::new(gauss(&mut rng), gauss(&mut rng)) * noise;
-        let got = correct_match(pair.fundamental(), &p1, &p2, 1.0, 1.0).unwrap();
+        let got = correct_match(pair.fundamental(), &p1, &p2, 1.0, 1.0).expect("valid");
         let oracle = hartley_sturm(pair.fundamental(), &p1, &p2);
         // The sextic's own rounding: its coefficients hold the fourth power of pixels.
         prop_assert!((got.chi_square - oracle).abs() <= 1e-6 * oracle + 1e-12, "{} {}", got.chi_square, oracle);
         prop_assert!(got.chi_square <= oracle * (1.0 + 1e-9) + 1e-18);
-        let left = pair.sampson(&got.first_px, &got.second_px, 1.0, 1.0).unwrap();
+        let left = pair.sampson(&got.first_px, &got.second_px, 1.0, 1.0).expect("valid");
         prop_assert!(left.distance_px.abs() < 1e-10, "{}", left.distance_px);
         let moved = (got.first_px - p1).norm_squared() + (got.second_px - p2).norm_squared();
         prop_assert!((moved - got.chi_square).abs() <= 1e-9 * (moved + 1e-3));
         // The Sampson distance is its first-order value: equal for small moves, not for large ones.
         if noise == 0.5 && oracle < 1.0 && forward == 0.0 {
-            let sampson = pair.sampson(&p1, &p2, 1.0, 1.0).unwrap().distance_px.powi(2);
+            let sampson = pair.sampson(&p1, &p2, 1.0, 1.0).expect("valid").distance_px.powi(2);
             prop_assert!((sampson - oracle).abs() < 0.05 * oracle);
         }
     }
@@ -147,8 +147,8 @@ proptest! {
             o.pixel_ideal += Vector2::new(gauss(&mut rng), gauss(&mut rng)) * (o.sigma_px * 0.3);
         }
         let open = Acceptance { min_parallax_rad: 0.0, chi_square_z: 1e3, max_iterations: 50 };
-        let iterated = triangulate(&pinhole(), &observations, &open).unwrap();
-        let direct = triangulate_two_views(&pinhole(), &observations, &open).unwrap();
+        let iterated = triangulate(&pinhole(), &observations, &open).expect("valid");
+        let direct = triangulate_two_views(&pinhole(), &observations, &open).expect("valid");
         // The iteration stops within 1e-6 standard deviations.
         for axis in 0..3 {
             let sigma = iterated.covariance[(axis, axis)].sqrt();
@@ -173,7 +173,7 @@ fn next_to_equal_corrections_the_shorter_one_is_found() {
             Vector2::new(3.0, 0.0) + draw(),
             Vector2::new(0.0, 3.0) + draw(),
         );
-        let got = correct_match(&forward, &p1, &p2, 1.0, 1.0).unwrap();
+        let got = correct_match(&forward, &p1, &p2, 1.0, 1.0).expect("valid");
         // Least squares distance of two points from a line through the origin: the smaller eigenvalue of their scatter.
         let scatter = p1 * p1.transpose() + p2 * p2.transpose();
         let (mean, half) = (
@@ -205,13 +205,13 @@ fn equal_corrections_are_refused_and_fulfilled_constraints_kept() {
         correct_match(&forward, &right, &down, 1.0, 1.0),
         Err(NoCorrection::AtEpipole { constraint, .. }) if constraint == 9.0
     ));
-    let kept = correct_match(&forward, &right, &(right * 2.0), 1.0, 1.0).unwrap();
+    let kept = correct_match(&forward, &right, &(right * 2.0), 1.0, 1.0).expect("valid");
     assert_eq!(
         (kept.first_px, kept.second_px, kept.iterations),
         (right, right * 2.0, 0)
     );
     // With unequal noise the noisier pixel goes to the centre: 3^2 / 2^2.
-    let unequal = correct_match(&forward, &right, &down, 1.0, 2.0).unwrap();
+    let unequal = correct_match(&forward, &right, &down, 1.0, 2.0).expect("valid");
     assert!(
         (unequal.chi_square - 2.25).abs() < 1e-12 && unequal.second_px.norm() < 1e-12,
         "{unequal:?}"
@@ -243,7 +243,7 @@ fn refusals_of_two_views_carry_their_numbers() {
     match triangulate_two_views(&pinhole(), &wrong, &default) {
         // Twelve pixels shared between both images: 144 / 2 / 0.25.
         Err(Rejection::ChiSquareTooLarge { chi_square, .. }) => {
-            assert!((chi_square - 288.0).abs() < 1.0, "{chi_square}")
+            assert!((chi_square - 288.0).abs() < 1.0, "{chi_square}");
         }
         other => panic!("{other:?}"),
     }

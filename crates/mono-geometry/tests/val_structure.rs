@@ -16,7 +16,7 @@ fn rows(kind: &str) -> Vec<Vec<f64>> {
     include_str!("reference/opencv_structure.csv")
         .lines()
         .filter_map(|line| line.strip_prefix(kind)?.strip_prefix(','))
-        .map(|line| line.split(',').map(|v| v.parse().unwrap()).collect())
+        .map(|line| line.split(',').map(|v| v.parse().expect("valid")).collect())
         .collect()
 }
 
@@ -78,7 +78,7 @@ fn val_opencv_solve_pnp() {
                 sigma_px: 0.5,
             })
             .collect();
-        let fit = estimate_pose(&pinhole(), &seen, &RefineOptions::default()).unwrap();
+        let fit = estimate_pose(&pinhole(), &seen, &RefineOptions::default()).expect("valid");
         let theirs = pose(theirs).inverse();
         let delta = fit
             .estimate
@@ -123,8 +123,8 @@ fn matches() -> Vec<Match> {
 
 impl Match {
     fn corrected(&self) -> Correction {
-        let matrix = fundamental(&pinhole(), &self.second_from_first).unwrap();
-        correct_match(&matrix, &self.pixels[0], &self.pixels[1], 1.0, 1.0).unwrap()
+        let matrix = fundamental(&pinhole(), &self.second_from_first).expect("valid");
+        correct_match(&matrix, &self.pixels[0], &self.pixels[1], 1.0, 1.0).expect("valid")
     }
 
     fn triangulated(&self) -> Result<Triangulated, Rejection> {
@@ -168,7 +168,7 @@ fn val_opencv_correct_matches() {
         assert!(cost - ours.chi_square <= 2.0 * difference.powi(2) + 1e-12);
         close += usize::from(difference < 1e-4);
         if difference < 1e-6 && m.in_front(&m.opencv_point) {
-            let found = m.triangulated().unwrap();
+            let found = m.triangulated().expect("valid");
             let relative = (found.point - m.opencv_point).norm() / m.opencv_point.norm();
             assert!(relative < 1e-6, "{relative}");
         }
@@ -186,7 +186,7 @@ fn val_scipy_two_view_minimum() {
             continue;
         }
         compared += 1;
-        let found = m.triangulated().unwrap();
+        let found = m.triangulated().expect("valid");
         assert!((found.chi_square - m.scipy_cost).abs() < 1e-9 * (1.0 + m.scipy_cost));
         assert!((m.corrected().chi_square - m.scipy_cost).abs() < 1e-9 * (1.0 + m.scipy_cost));
         // Their step tolerance leaves a fraction of the deviation.
