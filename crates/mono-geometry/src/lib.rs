@@ -7,7 +7,7 @@
 //!
 //! In reading order: [`angle`], [`se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
 //! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`], [`epipolar`] (from pixels back to the
-//! world); [`ransac`] (robust estimation); [`linalg`] (the only singular value decompositions of the workspace).
+//! world); [`pnp`] (a pose from known points); [`ransac`] (robust estimation); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
 pub mod camera;
