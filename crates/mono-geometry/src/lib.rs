@@ -2,11 +2,12 @@
 //!
 //! Everything is `f64`. Transforms are named destination_from_source; body axes are x forward, y left, z up; camera
 //! axes x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel. Angles are radians, lengths
-//! metres. Nothing here prints, reads a clock or draws a random number, and no input makes it panic.
+//! metres. Nothing here prints or reads a clock, only [`ransac`] draws random numbers, from a seed the caller gives, and no
+//! input makes it panic.
 //!
 //! In reading order: [`angle`], [`se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
 //! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`], [`epipolar`] (from pixels back to the
-//! world); [`linalg`] (the only singular value decompositions of the workspace).
+//! world); [`pnp`] (a pose from known points); [`ransac`] (robust estimation); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
 pub mod bundle;
@@ -20,6 +21,8 @@ pub mod inverse_depth;
 pub mod linalg;
 pub mod motion;
 pub mod mount;
+pub mod pnp;
+pub mod ransac;
 pub mod robust_loss;
 pub mod se2;
 pub mod se3;

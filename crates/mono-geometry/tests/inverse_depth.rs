@@ -5,9 +5,10 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{config, gauss, look_at, pinhole, see};
+use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
 use mono_geometry::linalg::cholesky;
-use mono_geometry::{Acceptance, InverseDepthPoint, Mount, Se2, Se3, triangulate};
-use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector3, Vector6};
+use mono_geometry::{Acceptance, InverseDepthPoint, Mount, Rejection, Se2, Se3, triangulate};
+use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -149,4 +150,142 @@ fn linearity_index_closed_form_and_limits() {
     // A camera beyond the point has it behind itself.
     let beyond = Se3::new(anchor.rotation, Vector3::new(0.0, 5.0, 0.0));
     assert!(point.project(&pinhole(), &beyond).is_none());
+}
+
+#[test]
+fn n_views_give_the_minimum_that_triangulation_gives() {
+    for views in [2, 3, 7] {
+        for seed in 0..50 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let target = Vector3::new(0.2, 4.0, 0.1);
+            let cameras: Vec<Se3> = (0..views)
+                .map(|k| {
+                    let x = -0.5 + 1.0 * k as f64 / (views - 1) as f64;
+                    look_at(Vector3::new(x, 0.1 * x * x, 0.05 * x), target)
+                })
+                .collect();
+            let observations: Vec<_> = cameras
+                .iter()
+                .enumerate()
+                .map(|(k, camera)| {
+                    let mut o = see(camera, &target, 0.3 + 0.1 * k as f64);
+                    o.pixel_ideal += Vector2::new(gauss(&mut rng), gauss(&mut rng)) * o.sigma_px;
+                    o
+                })
+                .collect();
+            let open = Acceptance {
+                min_parallax_rad: 0.0,
+                chi_square_z: 1e3,
+                max_iterations: 50,
+            };
+            let euclidean = triangulate(&pinhole(), &observations, &open).unwrap();
+            // Any anchor will do, also one that is no view.
+            let elsewhere = look_at(Vector3::new(0.1, -0.5, 0.2), target + Vector3::x() * 0.2);
+            for anchor in [cameras[0], cameras[views - 1], elsewhere] {
+                let found = refine(&pinhole(), &anchor, &observations, 50).unwrap();
+                assert!((found.chi_square - euclidean.chi_square).abs() < 1e-8);
+                assert_eq!(found.degrees_of_freedom, 2 * views - 3);
+                let (point, covariance) = found.point.to_euclidean(&found.covariance).unwrap();
+                let apart = point - euclidean.point;
+                let distance = apart.dot(&cholesky(&euclidean.covariance).unwrap().solve(&apart));
+                // Both stop within 1e-6 standard deviations.
+                assert!(distance < 1e-11, "{distance}");
+                let scale = euclidean.covariance.amax();
+                assert!((covariance - euclidean.covariance).amax() < 1e-5 * scale);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_not_told_from_infinity_are_an_answer_and_no_baseline_is_none() {
+    let target = Vector3::new(0.0, 5_000.0, 0.0);
+    let cameras = [-0.2, 0.2].map(|x| look_at(Vector3::new(x, 0.0, 0.0), target));
+    let mut observations = [
+        see(&cameras[0], &target, 0.5),
+        see(&cameras[1], &target, 0.5),
+    ];
+    // Half a pixel of rays that part: nearest at rho < 0.
+    observations[1].pixel_ideal.x += 0.5;
+    let found = refine(&pinhole(), &cameras[0], &observations, 20).unwrap();
+    let sigma_rho = found.covariance[(2, 2)].sqrt();
+    assert!(found.point.rho < 0.0 && sigma_rho > found.point.rho.abs());
+    assert!(found.chi_square < 1e-9);
+    match found.point.to_euclidean_if_linear(
+        &found.covariance,
+        &cameras[1],
+        CONVERSION_LINEARITY_INDEX,
+    ) {
+        Err(NotYet::AtInfinity {
+            rho,
+            sigma_rho: sigma,
+        }) => {
+            assert_eq!((rho, sigma), (found.point.rho, sigma_rho));
+        }
+        other => panic!("{other:?}"),
+    }
+    let twice = [observations[0], observations[0]];
+    assert!(matches!(
+        refine(&pinhole(), &cameras[0], &twice, 20),
+        Err(Rejection::ParallaxTooSmall {
+            parallax_rad: 0.0,
+            ..
+        })
+    ));
+    let mut bad = observations;
+    bad[1].sigma_px = -1.0;
+    assert_eq!(
+        refine(&pinhole(), &cameras[0], &bad, 20).unwrap_err(),
+        Rejection::BadObservation { view: 1, views: 2 }
+    );
+    let mut skew = observations;
+    skew[1].pixel_ideal.y += 2.0;
+    assert!(matches!(
+        refine(&pinhole(), &cameras[0], &skew, 0),
+        Err(Rejection::NotConverged { iterations: 0, step_sigmas, required_sigmas })
+            if step_sigmas > required_sigmas
+    ));
+    // The anchor looks away from what its neighbour sees.
+    let away = look_at(cameras[0].translation, -target);
+    assert!(matches!(
+        refine(&pinhole(), &away, &observations, 20),
+        Err(Rejection::BehindCamera { .. })
+    ));
+}
+
+#[test]
+fn conversion_waits_for_the_index() {
+    let anchor = look_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
+    let point = InverseDepthPoint {
+        world_from_anchor: anchor,
+        alpha: 0.1,
+        beta: 0.0,
+        rho: 0.25,
+    };
+    let with =
+        |sigma_rho: f64| Matrix3::from_diagonal(&Vector3::new(1e-6, 1e-6, sigma_rho * sigma_rho));
+    // L = 4 sigma_rho / rho at the anchor: 0.1 at sigma_rho = 0.00625.
+    let just = with(0.006_2);
+    assert_eq!(
+        point.to_euclidean_if_linear(&just, &anchor, 0.1).ok(),
+        point.to_euclidean(&just)
+    );
+    match point.to_euclidean_if_linear(&with(0.006_3), &anchor, 0.1) {
+        Err(NotYet::NotLinear {
+            linearity_index,
+            required,
+        }) => {
+            assert!((linearity_index - 4.0 * 0.006_3 / 0.25).abs() < 1e-12);
+            assert_eq!(required, 0.1);
+        }
+        other => panic!("{other:?}"),
+    }
+    for variance in [f64::NAN, -1.0, f64::INFINITY] {
+        let mut bad = just;
+        bad[(2, 2)] = variance;
+        assert!(matches!(
+            point.to_euclidean_if_linear(&bad, &anchor, 0.1),
+            Err(NotYet::NotLinear { linearity_index, .. }) if linearity_index == f64::INFINITY
+        ));
+    }
 }

@@ -2,9 +2,15 @@
 //! passes for an answer.
 
 use mono_geometry::motion::{accumulate, held_between};
+use mono_geometry::pnp::{
+    Correspondence, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac, p3p,
+    refine_pose,
+};
+use mono_geometry::ransac::{Options, Uniform};
+use mono_geometry::triangulation::{correct_match, triangulate_two_views};
 use mono_geometry::{
     Acceptance, Camera, ControlNoise, Distortion, EpipolarPair, InverseDepthPoint, Mount,
-    Observation, OdometrySample, Pinhole, Se2, Se3, so3, triangulate,
+    Observation, OdometrySample, Pinhole, RobustLoss, Se2, Se3, inverse_depth, so3, triangulate,
 };
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
@@ -98,6 +104,58 @@ proptest! {
             prop_assert!(world.iter().all(|v| v.is_finite()));
         }
         let _ = point.linearity_index(n[15], &pose(6));
+        let diagonal = Matrix3::from_diagonal(&Vector3::new(n[16], n[17], n[18]));
+        if let Ok((world, covariance)) = point.to_euclidean_if_linear(&diagonal, &pose(6), n[19]) {
+            prop_assert!(world.iter().chain(covariance.iter()).all(|v| v.is_finite()));
+        }
+        if let Ok(found) = inverse_depth::refine(&pinhole, &pose(0), &observations, 40) {
+            prop_assert!(found.point.parameters().iter().chain(found.covariance.iter()).all(|v| v.is_finite()));
+        }
+        let two = [observations[0], observations[1]];
+        if let Ok(found) = triangulate_two_views(&pinhole, &two, &Acceptance::default()) {
+            prop_assert!(found.point.iter().chain(found.covariance.iter()).all(|v| v.is_finite()));
+        }
+        let matrix = Matrix3::from_column_slice(&n[..9]);
+        let (a, b) = (Vector2::new(n[12], n[13]), Vector2::new(n[14], n[15]));
+        if let Ok(c) = correct_match(&matrix, &a, &b, n[18], n[19]) {
+            prop_assert!(c.first_px.iter().chain(c.second_px.iter()).all(|v| v.is_finite()));
+            prop_assert!(c.chi_square.is_finite());
+        }
+    }
+
+    #[test]
+    fn poses(n in numbers(36)) {
+        let pinhole = Pinhole { width: 320, height: 240, fx: 370.0, fy: 371.0, cx: 160.0, cy: 120.0 };
+        let seen: Vec<_> = (0..6).map(|k| Correspondence {
+            point_in_world: Vector3::new(n[5 * k], n[5 * k + 1], 3.0 + n[5 * k + 2]),
+            pixel_ideal: Vector2::new(160.0 + 50.0 * n[5 * k + 3], 120.0 + 50.0 * n[5 * k + 4]),
+            sigma_px: if k < 5 { 1.0 } else { n[30] },
+        }).collect();
+        let finite = |pose: &Se3| pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|v| v.is_finite());
+        let three = [seen[0], seen[1], seen[2]];
+        let rays = three.map(|c| Vector3::new(c.pixel_ideal.x, c.pixel_ideal.y, 100.0));
+        for pose in p3p(&rays, &three.map(|c| c.point_in_world)).as_slice() {
+            prop_assert!(finite(pose));
+        }
+        let options = RefineOptions { loss: RobustLoss::Cauchy { threshold: n[31] }, max_iterations: 20 };
+        for options in [options, RefineOptions::default()] {
+            let start = Se3::exp(&Vector6::new(n[32], n[33], n[34], n[35], 0.0, 0.0));
+            if let Ok(found) = refine_pose(&pinhole, &start, &seen, &options) {
+                prop_assert!(finite(&found.world_from_camera));
+                prop_assert!(found.covariance.iter().all(|v| v.is_finite()));
+            }
+            if let Ok(found) = estimate_pose(&pinhole, &seen, &options) {
+                prop_assert!(finite(&found.estimate.world_from_camera));
+            }
+        }
+        let robust = RobustPoseOptions {
+            threshold: n[31], min_inliers: 4,
+            ransac: Options { max_trials: 20, ..Options::default() },
+            ..RobustPoseOptions::default()
+        };
+        if let Ok(found) = estimate_pose_ransac(&pinhole, &seen, &mut Uniform::default(), &robust) {
+            prop_assert!(finite(&found.estimate.world_from_camera));
+        }
     }
 
     #[test]

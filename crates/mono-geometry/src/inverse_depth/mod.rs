@@ -11,8 +11,17 @@
 //! anchor, rho the inverse of the *depth* along its optical axis, 1/m. A view at position c with rotation R_c sees
 //! h = R_c^T (rho (a - c) + R (alpha, beta, 1)^T), a multiple of the point in its axes that stays finite at rho = 0.
 //!
+//! [`refine`] finds the three parameters and their covariance from n views, at any parallax above zero;
+//! [`InverseDepthPoint::to_euclidean_if_linear`] turns them into a point once that is harmless.
+//!
 //! Degenerate: for rho <= 0 (noise of a distant point) the formula goes on smoothly, at and past infinity; a Euclidean
 //! point exists only for rho > 0. At the anchor itself rho has no effect on the pixel.
+
+mod convert;
+mod refine;
+
+pub use convert::{CONVERSION_LINEARITY_INDEX, NotYet};
+pub use refine::{Refined, refine};
 
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector2, Vector3};
 
@@ -120,48 +129,6 @@ impl InverseDepthPoint {
             by_parameters: by_direction * by_direction_of_parameters,
             by_camera,
         })
-    }
-
-    /// Position in the world, metres; `None` for rho <= 0, a point at infinity. O(1).
-    #[must_use]
-    pub fn point_in_world(&self) -> Option<Vector3<f64>> {
-        if self.rho > 0.0 {
-            let point = self
-                .world_from_anchor
-                .transform_point(&(self.ray() / self.rho));
-            point.iter().all(|v| v.is_finite()).then_some(point)
-        } else {
-            None
-        }
-    }
-
-    /// Position and covariance in the world (m, m^2) of a point with the given covariance of (alpha, beta, rho), to first
-    /// order. Good where [`Self::linearity_index`] is small. O(1).
-    #[must_use]
-    pub fn to_euclidean(&self, covariance: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        let point = self.point_in_world()?;
-        let depth = 1.0 / self.rho;
-        let mut in_anchor = Matrix3::identity() * depth;
-        in_anchor.set_column(2, &(self.ray() * (-depth * depth)));
-        let jacobian = self.world_from_anchor.rotation.matrix() * in_anchor;
-        let world = jacobian * covariance * jacobian.transpose();
-        Some((point, crate::linalg::symmetrize(&world)))
-    }
-
-    /// How far a Gaussian in Euclidean coordinates would be from the truth, seen from a view: the index of Civera et al.,
-    /// L = 4 sigma_d |cos a| / d, with sigma_d the standard deviation of the distance on the anchor ray, d the distance
-    /// of the view from the point and a the parallax. They convert below 0.1. Infinite for rho <= 0. O(1).
-    #[must_use]
-    pub fn linearity_index(&self, sigma_rho: f64, world_from_camera: &Se3) -> f64 {
-        let Some(point) = self.point_in_world() else {
-            return f64::INFINITY;
-        };
-        let ray = self.ray();
-        let sigma_distance = ray.norm() * sigma_rho / (self.rho * self.rho);
-        let from_anchor = self.world_from_anchor.rotation * ray.normalize();
-        let from_view = point - world_from_camera.translation;
-        let distance = from_view.norm();
-        4.0 * sigma_distance * (from_anchor.dot(&from_view) / distance).abs() / distance
     }
 
     fn ray(&self) -> Vector3<f64> {

@@ -1,0 +1,121 @@
+//! From anchored inverse depth to a Euclidean point: when a Gaussian may follow, and when not yet.
+//!
+//! Problem: with r = sigma_rho / rho, the depth 1 / rho of a Gaussian rho is skewed. Its mean is too far by the fraction
+//! r^2, so r standard deviations, and the squared error over the variance reported at the estimate has mean 1 + 3 r^2
+//! instead of 1. A covariance in metres is honest only for small r.
+//!
+//! Equation: the linearity index of Civera, Davison and Montiel (2008), L = 4 sigma_d |cos a| / d, with sigma_d the
+//! standard deviation of the distance on the anchor ray, d the distance of the view from the point and a the parallax. It
+//! is about 4 r for a view near the anchor.
+//!
+//! Steps: refuse rho <= 0 (no point); refuse L above the limit; else map mean and covariance to first order.
+//!
+//! Degenerate: at a parallax of 90 degrees L is zero however uncertain the depth: the index asks only what that view
+//! sees. Take the view in which the point is to be used.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::InverseDepthPoint;
+use crate::se3::Se3;
+
+/// Largest linearity index at which Civera, Davison and Montiel convert: a bias of at most 1/40 of a standard deviation.
+pub const CONVERSION_LINEARITY_INDEX: f64 = 0.1;
+
+/// Why a point has no Euclidean Gaussian yet.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum NotYet {
+    /// The point is at infinity or beyond.
+    #[error(
+        "inverse depth {rho} 1/m has no finite point (standard deviation {sigma_rho} 1/m), required: above 0"
+    )]
+    AtInfinity {
+        /// Inverse depth, 1/m.
+        rho: f64,
+        /// Its standard deviation, 1/m.
+        sigma_rho: f64,
+    },
+    /// The depth is too uncertain for a Gaussian in metres.
+    #[error("linearity index {linearity_index} is too large, required: at most {required}")]
+    NotLinear {
+        /// The index of [`InverseDepthPoint::linearity_index`]; infinite for an unusable variance.
+        linearity_index: f64,
+        /// The largest accepted.
+        required: f64,
+    },
+}
+
+impl InverseDepthPoint {
+    /// Position in the world, metres; `None` for rho <= 0, a point at infinity. O(1).
+    #[must_use]
+    pub fn point_in_world(&self) -> Option<Vector3<f64>> {
+        if self.rho > 0.0 {
+            let point = self
+                .world_from_anchor
+                .transform_point(&(self.ray() / self.rho));
+            point.iter().all(|v| v.is_finite()).then_some(point)
+        } else {
+            None
+        }
+    }
+
+    /// Position and covariance in the world (m, m^2) of a point with the given covariance of (alpha, beta, rho), to first
+    /// order. Good where [`Self::linearity_index`] is small. O(1).
+    #[must_use]
+    pub fn to_euclidean(&self, covariance: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let point = self.point_in_world()?;
+        let depth = 1.0 / self.rho;
+        let mut in_anchor = Matrix3::identity() * depth;
+        in_anchor.set_column(2, &(self.ray() * (-depth * depth)));
+        let jacobian = self.world_from_anchor.rotation.matrix() * in_anchor;
+        let world = jacobian * covariance * jacobian.transpose();
+        Some((point, crate::linalg::symmetrize(&world)))
+    }
+
+    /// How far a Gaussian in Euclidean coordinates would be from the truth, seen from a view: the index of Civera et al.,
+    /// L = 4 sigma_d |cos a| / d, with sigma_d the standard deviation of the distance on the anchor ray, d the distance
+    /// of the view from the point and a the parallax. They convert below 0.1. Infinite for rho <= 0. O(1).
+    #[must_use]
+    pub fn linearity_index(&self, sigma_rho: f64, world_from_camera: &Se3) -> f64 {
+        let Some(point) = self.point_in_world() else {
+            return f64::INFINITY;
+        };
+        let ray = self.ray();
+        let sigma_distance = ray.norm() * sigma_rho / (self.rho * self.rho);
+        let from_anchor = self.world_from_anchor.rotation * ray.normalize();
+        let from_view = point - world_from_camera.translation;
+        let distance = from_view.norm();
+        4.0 * sigma_distance * (from_anchor.dot(&from_view) / distance).abs() / distance
+    }
+
+    /// [`Self::to_euclidean`] if the linearity index in `world_from_view` is at most `max_linearity_index`
+    /// ([`CONVERSION_LINEARITY_INDEX`] is the usual one). O(1).
+    ///
+    /// # Errors
+    /// [`NotYet`] with the value measured and the one required.
+    pub fn to_euclidean_if_linear(
+        &self,
+        covariance: &Matrix3<f64>,
+        world_from_view: &Se3,
+        max_linearity_index: f64,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>), NotYet> {
+        let sigma_rho = covariance[(2, 2)].max(0.0).sqrt();
+        let at_infinity = NotYet::AtInfinity {
+            rho: self.rho,
+            sigma_rho,
+        };
+        let (point, euclidean) = self.to_euclidean(covariance).ok_or(at_infinity)?;
+        let index = self.linearity_index(sigma_rho, world_from_view);
+        let usable = index.is_finite()
+            && covariance[(2, 2)] >= 0.0
+            && euclidean.iter().all(|v| v.is_finite());
+        let linearity_index = if usable { index } else { f64::INFINITY };
+        if usable && linearity_index <= max_linearity_index {
+            Ok((point, euclidean))
+        } else {
+            Err(NotYet::NotLinear {
+                linearity_index,
+                required: max_linearity_index,
+            })
+        }
+    }
+}

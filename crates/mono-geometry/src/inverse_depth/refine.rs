@@ -1,0 +1,200 @@
+//! Anchored inverse depth from n views: Gauss-Newton on the reprojection error, with covariance.
+//!
+//! Minimise sum |pixel_i - project_i(alpha, beta, rho)|^2 / sigma_i^2 for known poses. In these parameters the pixels are
+//! nearly linear at any distance, so the Gaussian (sum J^T J / sigma^2)^-1 at the minimum describes the error also where
+//! the parallax is a fraction of a degree and a Gaussian in metres does not.
+//!
+//! Steps:
+//! 1. alpha, beta from the ray of the view nearest to the anchor, as if at infinity;
+//! 2. rho from the other views: each gives m x (A + rho b) = 0, with m its ray, A the anchor's ray and b the baseline in
+//!    its axes; one linear least-squares unknown;
+//! 3. Gauss-Newton, steps halved until the error falls, until a step is below 1e-6 standard deviations.
+//!
+//! No gate on parallax or chi-square: the result of a gate is no longer the Gaussian that the covariance states. Test
+//! [`Refined::chi_square`] and convert with [`InverseDepthPoint::to_euclidean_if_linear`] where needed.
+//!
+//! Degenerate: cameras at one place leave rho undetermined: refused with the parallax zero. rho <= 0 is an answer, a
+//! point not told from infinity.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::InverseDepthPoint;
+use crate::camera::Pinhole;
+use crate::linalg::{cholesky, symmetrize};
+use crate::se3::Se3;
+use crate::triangulation::{Observation, Rejection, STEP_TOLERANCE_SIGMAS, check};
+
+/// An inverse depth point fitted to views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refined {
+    /// The minimum of the reprojection error.
+    pub point: InverseDepthPoint,
+    /// Covariance of (alpha, beta, rho) for exact camera poses.
+    pub covariance: Matrix3<f64>,
+    /// Sum of squared reprojection errors over sigma^2.
+    pub chi_square: f64,
+    /// 2 n - 3.
+    pub degrees_of_freedom: usize,
+    /// Gauss-Newton steps taken.
+    pub iterations: usize,
+}
+
+/// The inverse depth point of least reprojection error, anchored at `world_from_anchor` (commonly the first view's pose,
+/// but it need not be one of the views). O(views) per step.
+///
+/// # Errors
+/// [`Rejection::BadObservation`], [`Rejection::BehindCamera`], [`Rejection::NotConverged`], or
+/// [`Rejection::ParallaxTooSmall`] where no baseline makes rho visible.
+pub fn refine(
+    pinhole: &Pinhole,
+    world_from_anchor: &Se3,
+    observations: &[Observation],
+    max_iterations: usize,
+) -> Result<Refined, Rejection> {
+    check(observations)?;
+    let cameras: Vec<Se3> = observations
+        .iter()
+        .map(|o| o.camera_from_world.inverse())
+        .collect();
+    let mut point = start(pinhole, world_from_anchor, observations, &cameras)?;
+    let mut normal = normal_equations(pinhole, observations, &cameras, &point)?;
+    let mut iterations = 0;
+    let covariance = loop {
+        let factor =
+            cholesky(&normal.information).map_err(|_singular| Rejection::ParallaxTooSmall {
+                parallax_rad: parallax(&point, &cameras),
+                required_rad: f64::MIN_POSITIVE,
+            })?;
+        let step = factor.solve(&normal.gradient);
+        let step_sigmas = step.dot(&normal.gradient).max(0.0).sqrt();
+        if step_sigmas <= STEP_TOLERANCE_SIGMAS {
+            break symmetrize(&factor.inverse());
+        }
+        let failed = Rejection::NotConverged {
+            iterations,
+            step_sigmas,
+            required_sigmas: STEP_TOLERANCE_SIGMAS,
+        };
+        if iterations >= max_iterations {
+            return Err(failed);
+        }
+        iterations += 1;
+        let mut scale = 1.0;
+        let accepted = (0..12).find_map(|_| {
+            let candidate = point.with_parameters(&(point.parameters() + step * scale));
+            scale *= 0.5;
+            normal_equations(pinhole, observations, &cameras, &candidate)
+                .ok()
+                .filter(|next| next.chi_square <= normal.chi_square * (1.0 + 1e-12))
+                .map(|next| (candidate, next))
+        });
+        (point, normal) = accepted.ok_or(failed)?;
+    };
+    Ok(Refined {
+        point,
+        covariance,
+        chi_square: normal.chi_square,
+        degrees_of_freedom: 2 * observations.len() - 3,
+        iterations,
+    })
+}
+
+struct NormalEquations {
+    information: Matrix3<f64>,
+    gradient: Vector3<f64>,
+    chi_square: f64,
+}
+
+fn normal_equations(
+    pinhole: &Pinhole,
+    observations: &[Observation],
+    cameras: &[Se3],
+    point: &InverseDepthPoint,
+) -> Result<NormalEquations, Rejection> {
+    let mut normal = NormalEquations {
+        information: Matrix3::zeros(),
+        gradient: Vector3::zeros(),
+        chi_square: 0.0,
+    };
+    for (view, (observation, world_from_camera)) in observations.iter().zip(cameras).enumerate() {
+        let prediction =
+            point
+                .predict(pinhole, world_from_camera)
+                .ok_or_else(|| Rejection::BehindCamera {
+                    view,
+                    depth_m: depth(point, world_from_camera),
+                })?;
+        let jacobian = prediction.by_parameters / observation.sigma_px;
+        let residual = (observation.pixel_ideal - prediction.pixel_ideal) / observation.sigma_px;
+        normal.information += jacobian.transpose() * jacobian;
+        normal.gradient += jacobian.transpose() * residual;
+        normal.chi_square += residual.norm_squared();
+    }
+    Ok(normal)
+}
+
+/// Steps 1 and 2.
+fn start(
+    pinhole: &Pinhole,
+    world_from_anchor: &Se3,
+    observations: &[Observation],
+    cameras: &[Se3],
+) -> Result<InverseDepthPoint, Rejection> {
+    let distance = |camera: &Se3| (camera.translation - world_from_anchor.translation).norm();
+    let nearest = (0..cameras.len())
+        .min_by(|i, j| distance(&cameras[*i]).total_cmp(&distance(&cameras[*j])))
+        .unwrap_or(0);
+    let anchor_from_world = world_from_anchor.rotation.inverse();
+    let ray_of =
+        |view: usize| cameras[view].rotation * pinhole.bearing(&observations[view].pixel_ideal);
+    let ray = anchor_from_world * ray_of(nearest);
+    let in_front = ray.z > 0.0;
+    if !in_front {
+        return Err(Rejection::BehindCamera {
+            view: nearest,
+            depth_m: ray.z,
+        });
+    }
+    let direction = world_from_anchor.rotation * (ray / ray.z);
+    let (mut numerator, mut denominator) = (0.0, 0.0);
+    for view in (0..cameras.len()).filter(|view| *view != nearest) {
+        let seen = ray_of(view);
+        let baseline = world_from_anchor.translation - cameras[view].translation;
+        let weight = observations[view].sigma_px.powi(-2);
+        let across = seen.cross(&baseline);
+        numerator -= weight * across.dot(&seen.cross(&direction));
+        denominator += weight * across.norm_squared();
+    }
+    let rho = numerator / denominator;
+    let point = InverseDepthPoint {
+        world_from_anchor: *world_from_anchor,
+        alpha: ray.x / ray.z,
+        beta: ray.y / ray.z,
+        rho: 0.0,
+    };
+    let near = InverseDepthPoint { rho, ..point };
+    let visible = rho.is_finite()
+        && cameras
+            .iter()
+            .all(|camera| near.project(pinhole, camera).is_some());
+    Ok(if visible { near } else { point })
+}
+
+/// Depth in a view, metres; of the direction, without unit, where the point is at infinity.
+fn depth(point: &InverseDepthPoint, world_from_camera: &Se3) -> f64 {
+    let scaled = point.homogeneous(world_from_camera).z;
+    if point.rho == 0.0 {
+        scaled
+    } else {
+        scaled / point.rho
+    }
+}
+
+/// Largest angle between two cameras as seen from the point, radians.
+fn parallax(point: &InverseDepthPoint, cameras: &[Se3]) -> f64 {
+    let rays: Vec<Vector3<f64>> = cameras
+        .iter()
+        .map(|camera| camera.rotation * point.homogeneous(camera))
+        .collect();
+    crate::triangulation::largest_angle(&rays)
+}
