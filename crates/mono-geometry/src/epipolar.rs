@@ -11,12 +11,13 @@
 //! centimetre is worth scoring is for the caller, who knows the uncertainty of its poses.
 
 //!
-//! From matches to matrices and poses: [`five_point`], [`eight_point`], [`planar_motion`] (minimal solvers),
+//! From matches to matrices and poses: [`five_point`], [`eight_point`], [`planar_motion`], [`four_point`] (minimal solvers),
 //! [`scorer`] (for RANSAC), [`relative_pose`] (which of the four poses), [`refine`] (least squares with covariance),
 //! [`plane_pose`] (homographies).
 
 pub mod eight_point;
 pub mod five_point;
+pub mod four_point;
 pub mod planar_motion;
 pub mod plane_pose;
 mod real_roots;

@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 fn sideways() -> Mount {
     // Columns: camera x = body x (right of a camera that looks left), y = down, z = left.
     let axes = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0);
-    Mount::new(&axes, &Vector3::new(0.1, 0.15, 0.4)).unwrap()
+    Mount::new(&axes, &Vector3::new(0.1, 0.15, 0.4)).expect("a rotation")
 }
 
 fn tilted(rng: &mut ChaCha8Rng) -> Mount {
@@ -32,7 +32,7 @@ fn tilted(rng: &mut ChaCha8Rng) -> Mount {
         rotation.matrix(),
         &Vector3::new(gauss(rng), gauss(rng), gauss(rng)),
     )
-    .unwrap()
+    .expect("a rotation")
 }
 
 /// Motion of the camera when the body moves to `pose`.
@@ -62,7 +62,7 @@ fn scene(rng: &mut ChaCha8Rng, pose: &Se3, count: usize) -> Vec<Correspondence> 
             1.0,
         );
         let moved = pose.transform_point(&(ray * depth));
-        if moved.z > 0.2 {
+        if moved.z > 0.2 * unit {
             matches.push(Correspondence {
                 first: ray.xy(),
                 second: (moved / moved.z).xy(),

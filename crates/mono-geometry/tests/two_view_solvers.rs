@@ -79,7 +79,7 @@ fn noisy(rng: &mut ChaCha8Rng, matches: &[Correspondence], sigma: f64) -> Vec<Co
 #[test]
 fn five_points_solve_a_hundred_thousand_random_problems() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let problems = 100_000;
+    let problems = 100_000_usize;
     let (mut solved, mut close, mut count) = (0, 0, 0);
     for _ in 0..problems {
         let pose = motion(&mut rng, 0.6);

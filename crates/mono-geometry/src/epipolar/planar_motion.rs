@@ -178,13 +178,15 @@ pub fn planar_from_two(
     motions: &mut Vec<PlanarMotion>,
 ) {
     let rotation = mount.body_from_camera.rotation;
-    let mut system = SMatrix::<f64, 2, 4>::zeros();
-    for (i, m) in sample.iter().enumerate() {
-        let Some(row) = planar_row(&rotation, m) else {
-            return;
-        };
-        system.set_row(i, &SVector::from(row).transpose());
+    let [Some(one), Some(other)] = sample.map(|m| body_rays(&rotation, &m)) else {
+        return;
+    };
+    let rays = [one, other];
+    if turned_only(&rays) {
+        return;
     }
+    let rows = rays.map(|pair| planar_row(&pair));
+    let system = SMatrix::<f64, 2, 4>::from_fn(|i, j| rows[i][j]);
     let Some(null) = null_space::<2, 4, 2>(&system, ROUNDING) else {
         return;
     };
@@ -215,7 +217,8 @@ pub fn planar_from_two(
 #[must_use]
 pub fn arc_from_one(mount: &Mount, m: &Correspondence) -> Option<PlanarMotion> {
     let rotation = mount.body_from_camera.rotation;
-    let [by_cos_beta, by_sin_beta, by_cos_gamma, by_sin_gamma] = planar_row(&rotation, m)?;
+    let [by_cos_beta, by_sin_beta, by_cos_gamma, by_sin_gamma] =
+        planar_row(&body_rays(&rotation, m)?);
     // beta = gamma = phi / 2.
     let (by_cosine, by_sine) = (by_cos_beta + by_cos_gamma, by_sin_beta + by_sin_gamma);
     if by_cosine.hypot(by_sine) <= ROUNDING {
@@ -295,19 +298,35 @@ impl Solver for ArcOnePoint {
     }
 }
 
-/// Coefficients of (cos beta, sin beta, cos gamma, sin gamma); `None` if a coordinate is not finite.
-fn planar_row(body_from_camera: &Rotation3<f64>, m: &Correspondence) -> Option<[f64; 4]> {
-    if !m.is_finite() {
-        return None;
-    }
-    let first = body_from_camera * m.first.push(1.0).normalize();
-    let second = body_from_camera * m.second.push(1.0).normalize();
-    Some([
+/// Unit rays in body axes; `None` if a coordinate is not finite.
+fn body_rays(
+    body_from_camera: &Rotation3<f64>,
+    m: &Correspondence,
+) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    m.is_finite().then(|| {
+        (
+            body_from_camera * m.first.push(1.0).normalize(),
+            body_from_camera * m.second.push(1.0).normalize(),
+        )
+    })
+}
+
+/// Coefficients of (cos beta, sin beta, cos gamma, sin gamma).
+fn planar_row((first, second): &(Vector3<f64>, Vector3<f64>)) -> [f64; 4] {
+    [
         -first.y * second.z,
         first.x * second.z,
         first.z * second.y,
         first.z * second.x,
-    ])
+    ]
+}
+
+/// Whether one turn about the vertical maps all second rays to the first, to rounding: every direction would fit.
+fn turned_only(rays: &[(Vector3<f64>, Vector3<f64>); 2]) -> bool {
+    let turns = rays.map(|(f, s)| Vector2::new(f.xy().dot(&s.xy()), s.xy().perp(&f.xy())));
+    rays.iter().all(|(f, s)| (f.z - s.z).abs() <= ROUNDING)
+        && turns[0].perp(&turns[1]).abs() <= ROUNDING
+        && turns[0].dot(&turns[1]) >= 0.0
 }
 
 /// Unit vectors w with w^T Q w = 0, up to sign: two, one or none.
