@@ -61,7 +61,8 @@ fn val_opencv_eight_point_matrix() {
     for (case, matches, f) in rows {
         let ours = fundamental_from_points(&matches).unwrap().matrix;
         let error = difference(&ours, &Matrix3::from_row_slice(&f));
-        assert!(error < 1e-9, "case {case}: {error:e}");
+        // Theirs is an eigenvector of A^T A: squaring costs half the digits.
+        assert!(error < 1e-7, "case {case}: {error:e}");
     }
 }
 

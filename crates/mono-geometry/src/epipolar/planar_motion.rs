@@ -186,6 +186,13 @@ pub fn planar_from_two(
         return;
     }
     let rows = rays.map(|pair| planar_row(&pair));
+    // A match on the horizon has a row of rounding errors, which scaling would take for numbers.
+    if rows
+        .iter()
+        .any(|row| SVector::from(*row).norm() <= ROUNDING)
+    {
+        return;
+    }
     let system = SMatrix::<f64, 2, 4>::from_fn(|i, j| rows[i][j]);
     let Some(null) = null_space::<2, 4, 2>(&system, ROUNDING) else {
         return;
