@@ -47,6 +47,8 @@ def main() -> None:
     for case in range(10):
         first, second, _, _ = scene(rng, 20)
         pixels = [p * [700, 690] + [319.5, 239.5] + rng.normal(size=p.shape) * 0.3 for p in (first, second)]
+        # cv2.findFundamentalMat works on single precision: coordinates that have no more digits.
+        pixels = [p.astype(np.float32).astype(float) for p in pixels]
         f, _ = cv2.findFundamentalMat(pixels[0], pixels[1], cv2.FM_8POINT)
         row("eight", case, np.hstack(pixels), f)
         noisy = [(p - [319.5, 239.5]) / [700, 690] for p in pixels]
