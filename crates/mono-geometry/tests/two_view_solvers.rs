@@ -236,7 +236,7 @@ fn eight_points_without_information_are_refused_with_numbers() {
             Err(NoFundamental::Degenerate { .. })
         ));
     }
-    let mut nan = matches.clone();
+    let mut nan = matches;
     nan[3].first.y = f64::NAN;
     assert_eq!(fundamental_from_points(&nan), Err(NoFundamental::NoScale));
     assert!(nearest_essential(&Matrix3::zeros()).is_none());

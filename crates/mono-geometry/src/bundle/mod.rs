@@ -11,7 +11,7 @@
 //! complement), [`covariance()`] gives marginal covariances of poses and landmarks. Derivation: page 10 of `docs/math`.
 //!
 //! Degenerate: see [`adjust`] for landmarks that are not fixed, [`covariance()`] for the gauge. Not for thousands of
-//! poses: the reduced system is dense, (D poses)^3 / 3 an iteration, 0.1 s at about 300 spatial poses.
+//! poses: the reduced system is dense, (D poses)^3 / 3 operations an iteration.
 //!
 //! ```
 //! use mono_geometry::bundle::{Options, PixelObservation, PlanarProblem, adjust};
@@ -47,6 +47,8 @@ mod pose;
 mod problem;
 mod schur;
 mod solve;
+#[cfg(test)]
+mod tests;
 
 pub use covariance::{Covariance, covariance};
 pub use pose::BundlePose;
