@@ -79,7 +79,7 @@ fn noisy(rng: &mut ChaCha8Rng, matches: &[Correspondence], sigma: f64) -> Vec<Co
 #[test]
 fn five_points_solve_all_but_a_few_of_random_problems() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let problems = 30_000_usize;
+    let problems = 100_000_usize;
     let (mut solved, mut close, mut count) = (0, 0, 0);
     for _ in 0..problems {
         let pose = motion(&mut rng, 0.6);
@@ -104,9 +104,9 @@ fn five_points_solve_all_but_a_few_of_random_problems() {
         close += usize::from(best < 1e-10);
     }
     println!("solved to 1e-6: {solved}, to 1e-10: {close}, solutions {count}");
-    // Of 100 000 such problems 99 994 were solved and 99 990 closely: 1.8 and 3 failures expected here.
-    assert!(solved >= problems - 8, "{solved}");
-    assert!(close >= problems - 11, "{close}");
+    // The elimination has no exact guard near double roots: a few in a hundred thousand.
+    assert!(solved >= problems - 15, "{solved}");
+    assert!(close >= problems - 20, "{close}");
 }
 
 #[test]
