@@ -104,7 +104,7 @@ fn five_points_solve_all_but_a_few_of_random_problems() {
         close += usize::from(best < 1e-10);
     }
     println!("solved to 1e-6: {solved}, to 1e-10: {close}, solutions {count}");
-    // The elimination has no exact guard near double roots: a few in a hundred thousand.
+    // Measured: 99 994 and 99 990. Bounds leave room for other seeds.
     assert!(solved >= problems - 15, "{solved}");
     assert!(close >= problems - 20, "{close}");
 }
