@@ -10,6 +10,21 @@
 //! everything). At an epipole the line is undefined. A baseline of rounding size counts as none; whether one of a
 //! centimetre is worth scoring is for the caller, who knows the uncertainty of its poses.
 
+//!
+//! From matches to matrices and poses: [`five_point`], [`eight_point`], [`planar_motion`], [`four_point`] (minimal solvers),
+//! [`scorer`] (for RANSAC), [`relative_pose`] (which of the four poses), [`refine`] (least squares with covariance),
+//! [`plane_pose`] (homographies).
+
+pub mod eight_point;
+pub mod five_point;
+pub mod four_point;
+pub mod planar_motion;
+pub mod plane_pose;
+mod real_roots;
+pub mod refine;
+pub mod relative_pose;
+pub mod scorer;
+
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::camera::Pinhole;
@@ -43,6 +58,33 @@ pub fn fundamental(pinhole: &Pinhole, second_from_first: &Se3) -> Option<Matrix3
     );
     essential(second_from_first)
         .map(|e| normalized_from_pixel.transpose() * e * normalized_from_pixel)
+}
+
+/// One point seen in two views. Both in the same units: ideal pixels, or normalised coordinates (X/Z, Y/Z).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correspondence {
+    /// Where the first view sees it.
+    pub first: Vector2<f64>,
+    /// Where the second view sees it.
+    pub second: Vector2<f64>,
+}
+
+impl Correspondence {
+    /// The same match in normalised coordinates, given in ideal pixels.
+    #[must_use]
+    pub fn normalized(&self, pinhole: &Pinhole) -> Self {
+        Self {
+            first: pinhole.normalize(&self.first),
+            second: pinhole.normalize(&self.second),
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.first
+            .iter()
+            .chain(self.second.iter())
+            .all(|v| v.is_finite())
+    }
 }
 
 /// Signed Sampson distance of a match and its standard deviation.
