@@ -1,4 +1,4 @@
-//! Single-camera geometry: cameras, SE(2)/SE(3), triangulation, inverse depth, epipolar constraints.
+//! Single-camera geometry: cameras, SE(2)/SE(3), triangulation, two views, pose from points, calibration, bundle adjustment.
 //!
 //! Everything is `f64`. Transforms are named destination_from_source; body axes are x forward, y left, z up; camera
 //! axes x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel. Angles are radians, lengths
@@ -6,8 +6,10 @@
 //! input makes it panic.
 //!
 //! In reading order: [`angle`], [`se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
-//! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`], [`epipolar`] (from pixels back to the
-//! world); [`pnp`] (a pose from known points); [`ransac`] (robust estimation); [`linalg`] (the only singular value decompositions of the workspace).
+//! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`] (from pixels back to the world);
+//! [`epipolar`], [`homography`] (two views of unknown motion); [`pnp`] (a pose from known points); [`ransac`] and
+//! [`robust_loss`] (data of which some are wrong); [`calibration`] (the camera itself); [`bundle`] (everything at once);
+//! [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
 pub mod bundle;
