@@ -71,12 +71,31 @@ pub(crate) fn describe(
     plane: &Plane,
     frame: Frame,
     style: &Style,
+    scratch: &mut Scratch,
 ) -> [u8; DESCRIPTOR_LENGTH] {
     simd.run(Describe {
         plane,
         frame,
         style,
+        scratch,
     })
+}
+
+/// Memory of [`describe`], kept between calls because clearing it takes time.
+pub(crate) struct Scratch {
+    columns: WindowTable,
+    samples: WindowSamples,
+    boxes: [Boxes; 2],
+}
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        Self {
+            columns: WindowTable::new(),
+            samples: WindowSamples(Samples::new()),
+            boxes: [[[0.0; 8]; BOX_SLOTS]; 2],
+        }
+    }
 }
 
 /// Asks for the samples [`describe`] will read.
@@ -97,6 +116,7 @@ struct Describe<'a> {
     plane: &'a Plane,
     frame: Frame,
     style: &'a Style,
+    scratch: &'a mut Scratch,
 }
 
 impl Body for Describe<'_> {
@@ -108,6 +128,12 @@ impl Body for Describe<'_> {
             plane,
             frame,
             style,
+            scratch:
+                Scratch {
+                    columns,
+                    samples,
+                    boxes,
+                },
         } = self;
         let cells_per_pixel = 1.0 / (DESCRIPTOR_CELL_SIGMAS * frame.sigma);
         let (sin, cos) = frame.angle.sin_cos();
@@ -118,10 +144,12 @@ impl Body for Describe<'_> {
         let scale = -0.5 / (window_sigma * window_sigma);
         let (left, right) = inside(frame.x, reach, plane.width());
         let (top, bottom) = inside(frame.y, reach, plane.height());
-        let columns = WindowTable::new::<L>(frame.x, left, right, scale);
-        let mut samples = WindowSamples(Samples::new());
+        columns.set::<L>(frame.x, left, right, scale);
+        samples.0.clear();
+        for histogram in &mut *boxes {
+            histogram[..BOXES * BOXES * DESCRIPTOR_BINS].fill([0.0; 8]);
+        }
         let sides = [Side::new(cos, sin), Side::new(-sin, cos)];
-        let mut boxes = [[[0.0; 8]; BOX_SLOTS]; 2];
         for row in top..=bottom {
             let dy = row as f32 - frame.y;
             let Some((left, right)) = interval(&sides, frame.x, dy, left, right) else {
@@ -140,13 +168,13 @@ impl Body for Describe<'_> {
                 samples.0.push([gx, gy, u, v], LANES.min(right + 1 - start));
             }
             if samples.0.is_fuller_than_room_for(MAX_ROW) {
-                samples.share_out::<L>(frame.angle, &style.arctangent, &mut boxes);
+                samples.share_out::<L>(frame.angle, &style.arctangent, boxes);
             }
         }
         // Samples of no weight.
         samples.0.fill_up::<L>();
-        samples.share_out::<L>(frame.angle, &style.arctangent, &mut boxes);
-        quantised(&cells_of(&boxes), style.normalisation)
+        samples.share_out::<L>(frame.angle, &style.arctangent, boxes);
+        quantised(&cells_of(boxes), style.normalisation)
     }
 }
 
@@ -417,9 +445,11 @@ mod tests {
             normalisation,
             arctangent: ARCTANGENT,
         };
-        let got = describe(SimdLevel::PORTABLE, plane, frame, &style);
+        let mut scratch = Scratch::new();
+        let got = describe(SimdLevel::PORTABLE, plane, frame, &style, &mut scratch);
         for level in SimdLevel::available() {
-            assert_eq!(describe(level, plane, frame, &style), got, "{level}");
+            let again = describe(level, plane, frame, &style, &mut scratch);
+            assert_eq!(again, got, "{level}");
         }
         got
     }

@@ -12,12 +12,12 @@ use crate::extrema::{self, Sample};
 use crate::gradient::prefetch_window;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::Kernels;
-use crate::orientation::{OrientationWindow, Orientations, orientations};
+use crate::orientation::{self, OrientationWindow, Orientations, orientations};
 use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
 use crate::refine::{Acceptance, ScalePoint, refine};
 use crate::scale_space::ScaleSpace;
 use crate::simd::SimdLevel;
-use crate::threads::for_each_indexed;
+use crate::threads::{for_each_indexed, for_each_with_scratch};
 
 /// Rows of one parallel task of the extremum search.
 const BLOCK_ROWS: usize = 32;
@@ -403,13 +403,13 @@ impl Detector {
             };
             (plane, window)
         };
-        for_each_indexed(found, |i, out| {
+        for_each_with_scratch(found, orientation::Scratch::new, |i, out, scratch| {
             if let Some(&next) = points.get(i + 1) {
                 let (plane, window) = window_of(next);
                 prefetch_window(plane, window.x, window.y, window.radius);
             }
             let (plane, window) = window_of(points[i]);
-            *out = orientations(self.simd, plane, window);
+            *out = orientations(self.simd, plane, window, scratch);
         });
         oriented.clear();
         for (index, (point, orientations)) in points.iter().zip(&*found).enumerate() {
@@ -464,13 +464,16 @@ impl Detector {
             let WindowPlace { plane, x, y, sigma } = self.window_place(scale_space, points[index]);
             (plane, Frame { x, y, sigma, angle })
         };
-        for_each_indexed(&mut features.descriptors, |i, descriptor| {
-            if let Some(next) = oriented.get(i + 1) {
+        let descriptors = &mut features.descriptors;
+        for_each_with_scratch(descriptors, descriptor::Scratch::new, |i, out, scratch| {
+            // A point with several orientations has its window at hand.
+            let next = oriented.get(i + 1);
+            if let Some(next) = next.filter(|next| next.index != oriented[i].index) {
                 let (plane, frame) = frame_of(next);
                 descriptor::prefetch(plane, frame);
             }
             let (plane, frame) = frame_of(&oriented[i]);
-            *descriptor = describe(self.simd, plane, frame, &style);
+            *out = describe(self.simd, plane, frame, &style, scratch);
         });
     }
 }

@@ -67,23 +67,28 @@ pub(crate) struct WindowTable {
 }
 
 impl WindowTable {
-    /// A table for columns `first..=last` around `centre`; `scale` is `-1 / 2 s^2`.
+    /// A table of nothing, to be set.
     #[inline(always)]
-    pub(crate) fn new<L: Lanes>(centre: f32, first: usize, last: usize, scale: f32) -> Self {
-        let mut table = Self {
-            first,
+    pub(crate) fn new() -> Self {
+        Self {
+            first: 0,
             offset: [0.0; MAX_COLUMNS + LANES],
             factor: [0.0; MAX_COLUMNS + LANES],
-        };
+        }
+    }
+
+    /// Sets the table for columns `first..=last` around `centre`; `scale` is `-1 / 2 s^2`.
+    #[inline(always)]
+    pub(crate) fn set<L: Lanes>(&mut self, centre: f32, first: usize, last: usize, scale: f32) {
+        self.first = first;
         let steps = L::load(&STEPS);
         let columns = (last + 1 - first).min(MAX_COLUMNS);
         for at in (0..columns).step_by(LANES) {
             let offset = L::splat((first + at) as f32 - centre).add(steps);
             let factor = falloff(offset.mul(offset).mul(L::splat(scale)));
-            store(offset, &mut table.offset, at);
-            store(factor, &mut table.factor, at);
+            store(offset, &mut self.offset, at);
+            store(factor, &mut self.factor, at);
         }
-        table
     }
 
     /// Offsets from the centre of the columns from `x`.
@@ -232,7 +237,8 @@ mod tests {
             }
         }
         let (centre, scale) = (17.3_f32, -0.02_f32);
-        let table = WindowTable::new::<Portable>(centre, 1, 38, scale);
+        let mut table = WindowTable::new();
+        table.set::<Portable>(centre, 1, 38, scale);
         for y in 1..4 {
             let (mut dx, mut dy) = ([0.0; LANES], [0.0; LANES]);
             for x in [1, 9, 23, 38] {

@@ -75,8 +75,13 @@ pub(crate) fn orientations(
     simd: SimdLevel,
     plane: &Plane,
     window: OrientationWindow,
+    scratch: &mut Scratch,
 ) -> Orientations {
-    let histogram = smoothed(&simd.run(GradientHistogram { plane, window }));
+    let histogram = smoothed(&simd.run(GradientHistogram {
+        plane,
+        window,
+        scratch,
+    }));
     let highest = histogram.iter().fold(0.0_f32, |a, &b| a.max(b));
     let mut result = Orientations::default();
     if highest <= 0.0 {
@@ -98,11 +103,27 @@ pub(crate) fn orientations(
     result
 }
 
+/// Memory of [`orientations`], kept between calls because clearing it takes time.
+pub(crate) struct Scratch {
+    columns: WindowTable,
+    samples: Samples<2>,
+}
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        Self {
+            columns: WindowTable::new(),
+            samples: Samples::new(),
+        }
+    }
+}
+
 /// The histogram before smoothing. Four partial histograms take every fourth sample: samples beside one another mostly
 /// fall into one bin, and adding to the same place four times in a row would wait for itself.
 struct GradientHistogram<'a> {
     plane: &'a Plane,
     window: OrientationWindow,
+    scratch: &'a mut Scratch,
 }
 
 impl Body for GradientHistogram<'_> {
@@ -119,12 +140,13 @@ impl Body for GradientHistogram<'_> {
             to_nearest_bin,
         } = self.window;
         let plane = self.plane;
+        let Scratch { columns, samples } = self.scratch;
         let window_sigma = ORIENTATION_SIGMA_FACTOR * sigma;
         let scale = -0.5 / (window_sigma * window_sigma);
         let (left, right) = reach(x, radius, plane.width());
         let (top, bottom) = reach(y, radius, plane.height());
-        let columns = WindowTable::new::<L>(x, left, right, scale);
-        let mut samples = Samples::new();
+        columns.set::<L>(x, left, right, scale);
+        samples.clear();
         let mut bins = [[0.0; BIN_SLOTS]; PARTS];
         for row in top..=bottom {
             let dy = L::splat(row as f32 - y);
@@ -134,12 +156,12 @@ impl Body for GradientHistogram<'_> {
                 samples.push([gx, gy], LANES.min(right + 1 - start));
             }
             if samples.is_fuller_than_room_for(MAX_WINDOW) {
-                add_up::<L>(&mut samples, arctangent, to_nearest_bin, &mut bins);
+                add_up::<L>(samples, arctangent, to_nearest_bin, &mut bins);
             }
         }
         // Samples of no weight.
         samples.fill_up::<L>();
-        add_up::<L>(&mut samples, arctangent, to_nearest_bin, &mut bins);
+        add_up::<L>(samples, arctangent, to_nearest_bin, &mut bins);
         std::array::from_fn(|i| {
             // The last bin shares with the one after it, and an angle just below a whole turn may round up to it.
             let sum = |k: usize| (bins[0][k] + bins[1][k]) + (bins[2][k] + bins[3][k]);
@@ -259,14 +281,16 @@ mod tests {
             arctangent: ARCTANGENT,
             to_nearest_bin,
         };
+        let mut scratch = Scratch::new();
         for to_nearest_bin in [true, false] {
             let window = window(to_nearest_bin);
-            let found = orientations(SimdLevel::PORTABLE, plane, window);
+            let found = orientations(SimdLevel::PORTABLE, plane, window, &mut scratch);
             for level in SimdLevel::available() {
-                assert_eq!(orientations(level, plane, window), found, "{level}");
+                let again = orientations(level, plane, window, &mut scratch);
+                assert_eq!(again, found, "{level}");
             }
         }
-        orientations(SimdLevel::best(), plane, window(false))
+        orientations(SimdLevel::best(), plane, window(false), &mut scratch)
     }
 
     #[test]

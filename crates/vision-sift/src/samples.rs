@@ -25,6 +25,12 @@ impl<const N: usize> Samples<N> {
         }
     }
 
+    /// Forgets all samples.
+    #[inline(always)]
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+
     /// Whether `more` further samples may not fit.
     #[inline(always)]
     pub(crate) fn is_fuller_than_room_for(&self, more: usize) -> bool {

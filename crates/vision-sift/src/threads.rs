@@ -24,6 +24,33 @@ pub(crate) fn for_each_indexed<T>(items: &mut [T], run: impl Fn(usize, &mut T)) 
     }
 }
 
+/// Calls `run(index, item, scratch)` for every item, with a scratch whose contents must not matter.
+#[cfg(feature = "parallel")]
+pub(crate) fn for_each_with_scratch<T: Send, S>(
+    items: &mut [T],
+    scratch: impl Fn() -> S + Send + Sync,
+    run: impl Fn(usize, &mut T, &mut S) + Send + Sync,
+) {
+    use rayon::prelude::*;
+    items
+        .par_iter_mut()
+        .enumerate()
+        .for_each_init(scratch, |scratch, (i, item)| run(i, item, scratch));
+}
+
+/// Calls `run(index, item, scratch)` for every item, with a scratch whose contents must not matter.
+#[cfg(not(feature = "parallel"))]
+pub(crate) fn for_each_with_scratch<T, S>(
+    items: &mut [T],
+    scratch: impl Fn() -> S,
+    run: impl Fn(usize, &mut T, &mut S),
+) {
+    let mut scratch = scratch();
+    for (i, item) in items.iter_mut().enumerate() {
+        run(i, item, &mut scratch);
+    }
+}
+
 /// Calls `run(index, block, scratch)` for every block of `length` items (the last may be shorter), each with its own
 /// part of the scratch.
 #[cfg(feature = "parallel")]
