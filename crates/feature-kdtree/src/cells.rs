@@ -17,14 +17,15 @@
 //!
 //! Degenerate cases: rows that cannot be divided stay together over capacity; the next attempt waits until their
 //! number has doubled. An uneven division of many equal rows waits for an eighth more. So the work of an
-//! insertion is constant in the mean whatever the data are.
+//! insertion is constant in the mean whatever the data are. A removal or look-up by id goes through the ids of one
+//! cell, hence through all rows that are equal to the one asked for.
 //!
 //! Everything is a function of the sequence of changes: no randomness, no hash order.
 
 use std::collections::VecDeque;
 
 use crate::Descriptor;
-use crate::id_table::{IdTable, Place};
+use crate::id_table::IdTable;
 use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
 use crate::simd::{SimdLevel, prefetch};
@@ -81,7 +82,8 @@ pub(crate) struct Cells<D> {
     capacity: usize,
     directory: D,
     cells: Vec<Cell>,
-    places: IdTable,
+    /// The cell of each id.
+    homes: IdTable,
     line: VecDeque<u32>,
     changes_since_division: u32,
 }
@@ -93,7 +95,7 @@ impl<D: Directory> Cells<D> {
             capacity,
             directory,
             cells: Vec::new(),
-            places: IdTable::default(),
+            homes: IdTable::default(),
             line: VecDeque::new(),
             changes_since_division: CHANGES_PER_DIVISION,
         }
@@ -101,7 +103,7 @@ impl<D: Directory> Cells<D> {
 
     /// Number of rows.
     pub(crate) fn len(&self) -> usize {
-        self.places.len()
+        self.homes.len()
     }
 
     pub(crate) fn level(&self) -> SimdLevel {
@@ -126,12 +128,12 @@ impl<D: Directory> Cells<D> {
     }
 
     pub(crate) fn contains(&self, id: u32) -> bool {
-        self.places.get(id).is_some()
+        self.homes.get(id).is_some()
     }
 
     pub(crate) fn get(&self, id: u32) -> Option<Descriptor> {
-        let place = self.places.get(id)?;
-        Some(self.rows(place.cell).descriptor(place.row as usize))
+        let rows = self.rows(self.homes.get(id)?);
+        Some(rows.descriptor(rows.position(id)?))
     }
 
     /// Adds a row under an id that is not present.
@@ -144,13 +146,16 @@ impl<D: Directory> Cells<D> {
 
     /// Removes a row; `false` when the id is not present.
     pub(crate) fn remove(&mut self, id: u32) -> bool {
-        let Some(place) = self.places.remove(id) else {
+        let Some(cell) = self.homes.remove(id) else {
             return false;
         };
-        self.take_out(place);
-        let left = self.rows(place.cell).len();
+        let rows = &mut self.cells[cell as usize].rows;
+        if let Some(row) = rows.position(id) {
+            rows.swap_remove(row);
+        }
+        let left = rows.len();
         if left == 0 || (left < self.capacity / DISSOLVE_SHARE && self.cells.len() > 1) {
-            self.dissolve(place.cell);
+            self.dissolve(cell);
         }
         self.change();
         true
@@ -174,7 +179,7 @@ impl<D: Directory> Cells<D> {
         let visits = self.directory.nearest(queries, probes);
         if queries.len() == 1 {
             for visit in visits {
-                scan(&self.cells[visit.cell as usize].rows, &[0]);
+                scan(self.rows(visit.cell), &[0]);
             }
             return;
         }
@@ -207,7 +212,7 @@ impl<D: Directory> Cells<D> {
     pub(crate) fn memory_usage(&self) -> usize {
         let rows: usize = self.cells.iter().map(|cell| cell.rows.memory_usage()).sum();
         rows + self.cells.capacity() * size_of::<Cell>()
-            + self.places.memory_usage()
+            + self.homes.memory_usage()
             + self.line.capacity() * size_of::<u32>()
             + self.directory.memory_usage()
     }
@@ -224,23 +229,13 @@ impl<D: Directory> Cells<D> {
 
     /// Puts a row into a cell and the cell into the line if it is over capacity.
     fn push(&mut self, cell: u32, id: u32, descriptor: &Descriptor) {
+        // First what waits for a look-up, then what is only written: the other order is measurably slower.
+        self.homes.set(id, cell);
         let into = &mut self.cells[cell as usize];
-        let row = into.rows.len();
         into.rows.push(id, descriptor);
-        if row >= into.divide_above && !into.in_line {
+        if into.rows.len() > into.divide_above && !into.in_line {
             into.in_line = true;
             self.line.push_back(cell);
-        }
-        let row = row as u32;
-        self.places.set(id, Place { cell, row });
-    }
-
-    /// Takes a row out of its cell; its place in the table is the caller's business.
-    fn take_out(&mut self, place: Place) {
-        let rows = &mut self.cells[place.cell as usize].rows;
-        rows.swap_remove(place.row as usize);
-        if let Some(&moved) = rows.ids().get(place.row as usize) {
-            self.places.set(moved, place);
         }
     }
 
@@ -261,7 +256,9 @@ impl<D: Directory> Cells<D> {
         if rows.len() <= self.cells[cell as usize].divide_above {
             return;
         }
-        let Some(division) = divide(self.level, rows) else {
+        let descriptors: Vec<Descriptor> =
+            (0..rows.len()).map(|row| rows.descriptor(row)).collect();
+        let Some(division) = divide(self.level, rows, &descriptors) else {
             self.cells[cell as usize].divide_above = 2 * rows.len();
             return;
         };
@@ -271,9 +268,17 @@ impl<D: Directory> Cells<D> {
         let whole = std::mem::take(&mut self.cells[cell as usize].rows);
         let other = self.add_cell(&division.centroids[1]);
         self.directory.set(cell, &division.centroids[0]);
-        for (row, &on_second) in division.on_second.iter().enumerate() {
-            let into = if on_second { other } else { cell };
-            self.push_quietly(into, whole.ids()[row], &whole.descriptor(row));
+        let second = division.on_second.iter().filter(|&&side| side).count();
+        for (half, size) in [(cell, whole.len() - second), (other, second)] {
+            self.cells[half as usize].rows.reserve(size);
+        }
+        let sides = division.on_second.iter().zip(whole.ids());
+        for ((&on_second, &id), descriptor) in sides.zip(&descriptors) {
+            let half = if on_second { other } else { cell };
+            self.cells[half as usize].rows.push(id, descriptor);
+            if on_second {
+                self.homes.set(id, other);
+            }
         }
         for half in [cell, other] {
             let half = &mut self.cells[half as usize];
@@ -287,14 +292,6 @@ impl<D: Directory> Cells<D> {
         );
     }
 
-    /// [`Self::push`] for rows of which it is known that they do not fill the cell.
-    fn push_quietly(&mut self, cell: u32, id: u32, descriptor: &Descriptor) {
-        let rows = &mut self.cells[cell as usize].rows;
-        let row = rows.len() as u32;
-        rows.push(id, descriptor);
-        self.places.set(id, Place { cell, row });
-    }
-
     /// Moves rows of the cells around to the halves of a division where these are nearer.
     fn move_over(&mut self, halves: [u32; 2], centroids: &[Descriptor; 2], around: &PreparedQuery) {
         let halves_prepared = centroids.each_ref().map(PreparedQuery::new);
@@ -303,7 +300,10 @@ impl<D: Directory> Cells<D> {
         neighbours.sort_unstable();
         let mut emptied = Vec::new();
         let mut distances = [Vec::new(), Vec::new(), Vec::new()];
-        for Visit { cell, .. } in neighbours {
+        for (position, &Visit { cell, .. }) in neighbours.iter().enumerate() {
+            if let Some(next) = neighbours.get(position + 1) {
+                prefetch(self.rows(next.cell).blocks());
+            }
             if halves.contains(&cell) {
                 continue;
             }
@@ -316,14 +316,13 @@ impl<D: Directory> Cells<D> {
             for (from, out) in [first, second, &own].into_iter().zip(&mut distances) {
                 rows.distances(self.level, from, out);
             }
-            // From the back: what `take_out` moves into the gap has been looked at.
+            // From the back: what `swap_remove` moves into the gap has been looked at.
             for row in (0..rows.len()).rev() {
                 let [first, second, own] = distances.each_ref().map(|of| of[row]);
                 if first.min(second) < own {
                     let rows = self.rows(cell);
                     let (id, descriptor) = (rows.ids()[row], rows.descriptor(row));
-                    let row = row as u32;
-                    self.take_out(Place { cell, row });
+                    self.cells[cell as usize].rows.swap_remove(row);
                     self.push(halves[usize::from(second < first)], id, &descriptor);
                 }
             }
@@ -363,8 +362,8 @@ impl<D: Directory> Cells<D> {
             self.directory.set(to, &centroid);
         }
         let cell = &self.cells[to as usize];
-        for (row, &id) in (0..).zip(cell.rows.ids()) {
-            self.places.set(id, Place { cell: to, row });
+        for &id in cell.rows.ids() {
+            self.homes.set(id, to);
         }
         if cell.in_line {
             for waiting in self.line.iter_mut().filter(|waiting| **waiting == from) {

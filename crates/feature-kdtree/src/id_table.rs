@@ -1,4 +1,7 @@
-//! Where the row of an id is: cell and position in it.
+//! The cell of an id.
+//!
+//! The position in the cell is not kept: a cell is short enough to be looked through, and rows that move within
+//! theirs, or stay in it when it is divided, then leave the table alone, where each costs a miss of every cache.
 //!
 //! A hash table that doubles moves all its entries at once, tens of milliseconds at a million of them, in the
 //! middle of some frame. Here the ids are spread over 256 small tables, which double one by one at different
@@ -14,17 +17,10 @@ use std::hash::{BuildHasherDefault, Hasher};
 /// Tables, a power of two.
 const TABLES: usize = 256;
 
-/// Cell and position of a row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Place {
-    pub(crate) cell: u32,
-    pub(crate) row: u32,
-}
-
-/// Places by id. Insertion, removal and look-up are O(1), the pause of an insertion is O(n / 256).
+/// Cells by id. Insertion, removal and look-up are O(1), the pause of an insertion is O(n / 256).
 #[derive(Debug, Clone)]
 pub(crate) struct IdTable {
-    tables: Vec<HashMap<u32, Place, BuildHasherDefault<Mixer>>>,
+    tables: Vec<HashMap<u32, u32, BuildHasherDefault<Mixer>>>,
     len: usize,
 }
 
@@ -42,24 +38,24 @@ impl IdTable {
         self.len
     }
 
-    pub(crate) fn get(&self, id: u32) -> Option<Place> {
+    pub(crate) fn get(&self, id: u32) -> Option<u32> {
         self.tables[table_of(id)].get(&id).copied()
     }
 
-    /// Records the place of an id, new or moved.
-    pub(crate) fn set(&mut self, id: u32, place: Place) {
-        let before = self.tables[table_of(id)].insert(id, place);
+    /// Records the cell of an id, new or moved.
+    pub(crate) fn set(&mut self, id: u32, cell: u32) {
+        let before = self.tables[table_of(id)].insert(id, cell);
         self.len += usize::from(before.is_none());
     }
 
-    pub(crate) fn remove(&mut self, id: u32) -> Option<Place> {
+    pub(crate) fn remove(&mut self, id: u32) -> Option<u32> {
         let before = self.tables[table_of(id)].remove(&id);
         self.len -= usize::from(before.is_some());
         before
     }
 
     pub(crate) fn memory_usage(&self) -> usize {
-        let entry = size_of::<(u32, Place)>();
+        let entry = size_of::<(u32, u32)>();
         let entries: usize = self.tables.iter().map(HashMap::capacity).sum();
         entries * entry + self.tables.capacity() * size_of_val(&self.tables[0])
     }
@@ -112,12 +108,8 @@ mod tests {
             if step % 3 == 2 {
                 assert_eq!(table.remove(id), model.remove(&id));
             } else {
-                let place = Place {
-                    cell: step,
-                    row: id,
-                };
-                table.set(id, place);
-                model.insert(id, place);
+                table.set(id, step);
+                model.insert(id, step);
             }
             assert_eq!(table.len(), model.len());
         }

@@ -62,9 +62,20 @@ impl Rows {
         &self.ids
     }
 
+    /// The position of an id, looked for from the front. O(rows).
+    pub(crate) fn position(&self, id: u32) -> Option<usize> {
+        self.ids.iter().position(|&other| other == id)
+    }
+
     /// The descriptor at a position below `len`.
     pub(crate) fn descriptor(&self, position: usize) -> Descriptor {
         self.blocks[position / LANES].get(position % LANES)
+    }
+
+    /// Takes the memory of so many more rows at once.
+    pub(crate) fn reserve(&mut self, rows: usize) {
+        self.blocks.reserve_exact(rows.div_ceil(LANES));
+        self.ids.reserve_exact(rows.next_multiple_of(LANES));
     }
 
     /// Adds a row at the end.

@@ -25,6 +25,8 @@ use crate::{DESCRIPTOR_LENGTH, Descriptor};
 const SAMPLE: usize = 256;
 /// Rounds of Lloyd's iteration.
 const ROUNDS: usize = 6;
+/// So many rows of 255 sum up to less than 2^16.
+const ROWS_OF_SHORTS: u32 = 256;
 /// The smaller side gets one row in this many, unless too many rows are equal.
 const LEAST_SHARE: usize = 8;
 
@@ -36,15 +38,18 @@ pub(crate) struct Division {
     pub(crate) on_second: Vec<bool>,
 }
 
-/// Divides the rows, or says that they cannot be divided.
-pub(crate) fn divide(level: SimdLevel, rows: &Rows) -> Option<Division> {
-    let descriptors: Vec<Descriptor> = (0..rows.len()).map(|row| rows.descriptor(row)).collect();
+/// Divides the rows, of which the descriptors are given again, or says that they cannot be divided.
+pub(crate) fn divide(
+    level: SimdLevel,
+    rows: &Rows,
+    descriptors: &[Descriptor],
+) -> Option<Division> {
     let step = rows.len().div_ceil(SAMPLE);
-    let mut centroids = seeds(level, rows, &descriptors, step)?;
-    let thinned = (step > 1).then(|| thin(rows, &descriptors, step));
+    let mut centroids = seeds(level, rows, descriptors, step)?;
+    let thinned = (step > 1).then(|| thin(rows, descriptors, step));
     let (sample, sampled) = match &thinned {
-        Some((sample, sampled)) => (sample, sampled),
-        None => (rows, &descriptors),
+        Some((sample, sampled)) => (sample, sampled.as_slice()),
+        None => (rows, descriptors),
     };
     let mut before = Vec::new();
     for _ in 0..ROUNDS {
@@ -65,7 +70,7 @@ pub(crate) fn divide(level: SimdLevel, rows: &Rows) -> Option<Division> {
         on_second = cut_near_the_middle(level, rows, &centroids, least).unwrap_or(on_second);
     }
     Some(Division {
-        centroids: means_of_sides(&descriptors, &on_second)?,
+        centroids: means_of_sides(descriptors, &on_second)?,
         on_second,
     })
 }
@@ -148,14 +153,28 @@ fn means_of_sides(descriptors: &[Descriptor], on_second: &[bool]) -> Option<[Des
 
 /// Mean of each component, rounded to the nearest byte; `None` of nothing.
 fn mean_of<'a>(descriptors: impl Iterator<Item = &'a Descriptor>) -> Option<Descriptor> {
+    // At most 2^24 rows of 255 fit; a cell is far smaller.
     let mut sums = [0_u32; DESCRIPTOR_LENGTH];
+    // Sums of the last rows, at most ROWS_OF_SHORTS: twice as many fit a register.
+    let mut shorts = [0_u16; DESCRIPTOR_LENGTH];
     let mut count = 0_u32;
+    let flush = |sums: &mut [u32; DESCRIPTOR_LENGTH], shorts: &mut [u16; DESCRIPTOR_LENGTH]| {
+        for (sum, short) in sums
+            .iter_mut()
+            .zip(std::mem::replace(shorts, [0; DESCRIPTOR_LENGTH]))
+        {
+            *sum = sum.wrapping_add(u32::from(short));
+        }
+    };
     for descriptor in descriptors {
+        if count > 0 && count.is_multiple_of(ROWS_OF_SHORTS) {
+            flush(&mut sums, &mut shorts);
+        }
         count += 1;
-        for i in 0..DESCRIPTOR_LENGTH {
-            // At most 2^24 rows of 255 fit; a cell is far smaller.
-            sums[i] = sums[i].wrapping_add(u32::from(descriptor[i]));
+        for (short, &byte) in shorts.iter_mut().zip(descriptor) {
+            *short = short.wrapping_add(u16::from(byte));
         }
     }
+    flush(&mut sums, &mut shorts);
     (count > 0).then(|| sums.map(|sum| ((sum + count / 2) / count) as u8))
 }
