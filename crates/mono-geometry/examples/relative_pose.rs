@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use mono_geometry::epipolar::Correspondence;
 use mono_geometry::epipolar::five_point::FivePoint;
 use mono_geometry::epipolar::planar_motion::PlanarTwoPoint;
-use mono_geometry::epipolar::refine::refine;
+use mono_geometry::epipolar::refine::{refine, refine_narrowed};
 use mono_geometry::epipolar::relative_pose::{RelativePose, choose_pose};
 use mono_geometry::epipolar::scorer::SampsonScorer;
 use mono_geometry::ransac::{Options, Prosac, Report, Uniform, ransac};
@@ -142,13 +142,7 @@ fn estimate(
         return Ok(None);
     };
     let start = RelativePose::new(&candidate.second_from_first).ok_or("no baseline")?;
-    let refined = refine(
-        &start,
-        &matches,
-        &best.inliers,
-        &scorer.variance,
-        REFINEMENTS,
-    );
+    let refined = refine_narrowed(&start, &matches, &best.inliers, &scorer, REFINEMENTS);
     Ok(Some(Estimate {
         second_from_first: *refined.map_or(start, |r| r.model).second_from_first(),
         inliers: best.inliers.len(),
