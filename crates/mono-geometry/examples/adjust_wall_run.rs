@@ -1,7 +1,7 @@
 //! A robot drives along a wall: all poses and landmarks adjusted at once, beside dead reckoning.
 //!
 //! `adjust_wall_run [planar|spatial] [--loss none|huber|cauchy] [--outliers SHARE] [--frames N] [--landmarks N] [--seed N]
-//! [--repeat N] [--write FILE]`. Prints the cost curve, the errors and the time (the median of the repetitions); with
+//! [--iterations N] [--repeat N] [--write FILE]`. Prints the cost curve, the errors and the time (the median of the repetitions); with
 //! `--write` the problem, the result and the times go to a JSON file for docs/results/bundle_adjustment_scipy.py.
 
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
@@ -34,6 +34,7 @@ fn main() -> Result<(), Failure> {
             "--outliers" => run.outlier_share = value()?.parse()?,
             "--frames" => run.frames = value()?.parse()?,
             "--landmarks" => run.landmarks = value()?.parse()?,
+            "--iterations" => options.max_iterations = value()?.parse()?,
             "--seed" => run.seed = value()?.parse()?,
             "--repeat" => repeat = value()?.parse()?,
             "--write" => file = Some(value()?),

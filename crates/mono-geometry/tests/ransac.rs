@@ -146,6 +146,7 @@ fn the_number_of_trials_has_the_stated_confidence() {
         let run = |max_trials, confidence| {
             let options = Options {
                 confidence,
+                min_trials: 0,
                 max_trials,
                 local_refits: 0,
                 seed,
@@ -181,6 +182,26 @@ fn the_number_of_trials_has_the_stated_confidence() {
 }
 
 #[test]
+fn the_least_number_of_trials_is_made_unless_the_limit_is_lower() {
+    let data = points(3, 60, 0, SIGMA);
+    let trials = |min_trials, max_trials| {
+        let options = Options {
+            min_trials,
+            max_trials,
+            ..Options::default()
+        };
+        let report = ransac(&Line, &scorer(), &mut Uniform::default(), &data, &options);
+        (report.trials, report.stop)
+    };
+    let (enough, _) = trials(0, 10_000);
+    assert!(enough < 20, "{enough}");
+    assert_eq!(trials(25, 10_000).0, 25);
+    // The confidence was reached within the limit.
+    let (made, stop) = trials(25, 15);
+    assert!(made == 15 && matches!(stop, Stop::Confident { .. }));
+}
+
+#[test]
 fn leaving_off_early_changes_nothing() {
     for seed in 0..30 {
         let data = points(seed, 40, 60, SIGMA);
@@ -189,6 +210,7 @@ fn leaving_off_early_changes_nothing() {
             confidence: 1.0,
             local_refits: 0,
             seed,
+            ..Options::default()
         };
         let report = ransac(
             &Minimal,
@@ -253,7 +275,6 @@ fn a_quality_order_saves_trials_and_a_useless_one_costs_no_model() {
         found += usize::from(is_truth(&report.best.expect("a line").model, 0.01));
         // A wrong line shares data with the true one: beyond the 4 % of an unrelated one.
         let mut prosac = Prosac::new(&useless);
-        prosac.accidental_share = 0.1;
         let report = ransac(&Line, &scorer(), &mut prosac, &data, &options);
         misled += usize::from(is_truth(&report.best.expect("a line").model, 0.01));
     }
@@ -306,6 +327,7 @@ fn local_optimisation_lowers_the_cost_and_saves_trials() {
                 local_refits,
                 seed,
                 confidence: 0.95,
+                min_trials: 0,
                 ..Options::default()
             };
             ransac(&Line, &scorer(), &mut Uniform::default(), &data, &options)

@@ -8,11 +8,11 @@ use mono_geometry::epipolar::eight_point::{
     EightPoint, NoFundamental, essential_from_points, fundamental_from_points, nearest_essential,
 };
 use mono_geometry::epipolar::five_point::{FivePoint, essential_from_five};
-use mono_geometry::epipolar::refine::{Freedom, Termination, refine};
+use mono_geometry::epipolar::refine::{Freedom, Termination, refine, refine_narrowed};
 use mono_geometry::epipolar::relative_pose::{
     RelativePose, Undecided, candidates, choose_pose, in_front,
 };
-use mono_geometry::epipolar::scorer::SampsonScorer;
+use mono_geometry::epipolar::scorer::{CHI_SQUARE_95_ONE, SampsonScorer};
 use mono_geometry::epipolar::{Correspondence, essential, fundamental};
 use mono_geometry::ransac::{Options, Prosac, Stop, Uniform, ransac};
 use mono_geometry::{Pinhole, Se3, so3};
@@ -479,6 +479,41 @@ fn quality_order_and_refits_pay_for_five_points_too() {
     }
     assert!(informed * 4 < uniform, "{informed} of {uniform}");
     assert!(with < without && gained > 0, "{with} {without} {gained}");
+}
+
+/// A threshold for eight times the noise lets slightly wrong matches in; plain least squares pays for them.
+#[test]
+fn narrowing_finds_the_noise_behind_a_wide_threshold() {
+    let mut rng = ChaCha8Rng::seed_from_u64(18);
+    let sigma = 0.2e-3;
+    let scorer = SampsonScorer {
+        variance: Vector2::repeat((8.0 * sigma) * (8.0 * sigma)),
+        threshold: CHI_SQUARE_95_ONE,
+    };
+    let indices: Vec<usize> = (0..120).collect();
+    let (mut plain, mut narrowed) = (0.0, 0.0);
+    let runs = 60;
+    for _ in 0..runs {
+        let truth = RelativePose::new(&motion(&mut rng, 0.3)).unwrap();
+        let exact = scene(&mut rng, truth.second_from_first(), 120);
+        let mut matches = noisy(&mut rng, &exact, sigma);
+        for m in &mut matches[90..] {
+            m.second.y += 8.0 * sigma * gauss(&mut rng);
+        }
+        let error = |pose: &RelativePose| {
+            let turn =
+                pose.second_from_first().rotation.inverse() * truth.second_from_first().rotation;
+            so3::log(&turn).norm_squared()
+        };
+        let start = truth.moved(&(SVector::<f64, 5>::from_fn(|_, _| gauss(&mut rng)) * 2e-3));
+        let all = refine(&start, &matches, &indices, &scorer.variance, 50).unwrap();
+        let some = refine_narrowed(&start, &matches, &indices, &scorer, 50).unwrap();
+        assert!(some.degrees_of_freedom < all.degrees_of_freedom);
+        plain += error(&all.model);
+        narrowed += error(&some.model);
+    }
+    // Variance per match 1 + 0.25 (64 / 2) = 9 at most against about 1.3; less where lines run along y.
+    assert!(narrowed < plain / 2.0, "{narrowed} {plain}");
 }
 
 #[test]

@@ -53,6 +53,27 @@ impl<P: Copy> Estimate<P> {
             *camera = (placed.rotation.into_inner(), placed.translation);
         }
     }
+
+    /// Landmarks behind a camera that sees them go to where they were before a step from `from`, as seen by the camera
+    /// in the middle of those: near enough to the start to be in front, and it follows a path that bends as a whole.
+    pub(super) fn bring_to_front(&mut self, from: &Self, layout: &Layout) {
+        for (landmark, range) in layout.starts.windows(2).enumerate() {
+            let seen = &layout.sightings[range[0].sighting..range[1].sighting];
+            let point = self.landmarks[landmark];
+            let behind = seen.iter().any(|s| {
+                let (rotation, translation) = &self.cameras[s.pose];
+                let depth = (rotation * point + translation).z;
+                // NaN is not in front.
+                !matches!(depth.partial_cmp(&0.0), Some(std::cmp::Ordering::Greater))
+            });
+            if let Some(middle) = seen.get(seen.len() / 2).filter(|_| behind) {
+                let (rotation, translation) = &from.cameras[middle.pose];
+                let in_camera = rotation * from.landmarks[landmark] + translation;
+                let (rotation, translation) = &self.cameras[middle.pose];
+                self.landmarks[landmark] = rotation.tr_mul(&(in_camera - translation));
+            }
+        }
+    }
 }
 
 /// Lower factors of the covariances, computed once.

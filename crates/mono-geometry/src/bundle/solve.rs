@@ -3,8 +3,9 @@
 //! Steps of an iteration: solve (H + mu diag(H)) step = -gradient; evaluate the cost there; gain ratio =
 //! (decrease of the cost) / (decrease of the quadratic model, step^T (mu diag(H) step - gradient) / 2). A step that
 //! lowers the cost is taken, mu *= max(1/3, 1 - (2 gain - 1)^3) and nu = 2; any other is refused, mu *= nu, nu *= 2
-//! (Nielsen 1999; Madsen, Nielsen and Tingleff 2004, algorithm 3.16). A step that puts a landmark behind a camera that
-//! sees it has no cost and is refused. Re-weighting alone creeps where large residuals pull against each other (a
+//! (Nielsen 1999; Madsen, Nielsen and Tingleff 2004, algorithm 3.16). A landmark that a step
+//! would put behind a camera that sees it is carried along with one of its cameras instead, lest one of thousands hold
+//! all others up; a step without a cost even so is refused. Re-weighting alone creeps where large residuals pull against each other (a
 //! landmark of few sightings, one of them wrong); a step whose gain is above 1.5 is stretched while the cost falls.
 //!
 //! All sizes are measured free of units by the diagonal of the Hessian: of the gradient max |g_j| / sqrt(h_j), of a
@@ -252,7 +253,13 @@ pub fn adjust<P: BundlePose<D>, const D: usize>(
         if usable {
             candidate.step_from(&current, &layout, &schur, 1.0, problem);
             result.cost_evaluations += 1;
-            let tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
+            let mut tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
+            if tried.is_err() {
+                // One landmark of thousands must not cost the step.
+                candidate.bring_to_front(&current, &layout);
+                result.cost_evaluations += 1;
+                tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
+            }
             if let Some(next) = tried.ok().filter(|c| c.is_finite()) {
                 let gain = (result.cost - next) / model.decrease;
                 gain_ratio = Some(gain);

@@ -43,6 +43,11 @@ pub(super) fn real_roots<const C: usize>(coefficients: &[f64; C], roots: &mut Ve
     );
 }
 
+/// Newton's last step towards a root; the error left behind is of the order of its square.
+const ROOT_STEP: f64 = 1.5e-8;
+/// The same towards a critical point.
+const CRITICAL_STEP: f64 = 1e-6;
+
 /// Ascending roots in [-1, 1] and their number.
 fn roots_within_one<const C: usize>(coefficients: &[f64; C]) -> ([f64; C], usize) {
     let mut roots = [0.0; C];
@@ -72,7 +77,9 @@ fn roots_within_one<const C: usize>(coefficients: &[f64; C]) -> ([f64; C], usize
             // Only an extremum can touch zero unseen.
             let touches = k < count && at_high.abs() <= negligible;
             if (at_low < 0.0 && at_high > 0.0 || at_low > 0.0 && at_high < 0.0) && found < degree {
-                next[found] = bracketed_root(polynomial, low, high, at_low < 0.0);
+                // A critical point only separates roots, and there the value is flat: less will do.
+                let tolerance = if order == 0 { ROOT_STEP } else { CRITICAL_STEP };
+                next[found] = bracketed_root(polynomial, low, high, at_low < 0.0, tolerance);
                 found += 1;
             } else if (at_high == 0.0 || touches) && found < degree {
                 next[found] = high;
@@ -102,8 +109,15 @@ fn evaluate(polynomial: &[f64], z: f64) -> (f64, f64) {
     (value, slope)
 }
 
-/// The root between two arguments of different sign: Newton's method, bisection where it leaves the bracket.
-fn bracketed_root(polynomial: &[f64], mut low: f64, mut high: f64, rising: bool) -> f64 {
+/// The root between two arguments of different sign: Newton's method, bisection where it leaves the bracket; ends after a
+/// step of at most `tolerance`.
+fn bracketed_root(
+    polynomial: &[f64],
+    mut low: f64,
+    mut high: f64,
+    rising: bool,
+    tolerance: f64,
+) -> f64 {
     let mut z = 0.5 * (low + high);
     for _ in 0..100 {
         let (value, slope) = evaluate(polynomial, z);
@@ -122,7 +136,7 @@ fn bracketed_root(polynomial: &[f64], mut low: f64, mut high: f64, rising: bool)
         } else {
             0.5 * (low + high)
         };
-        if (next - z).abs() <= f64::EPSILON || next == low || next == high {
+        if (next - z).abs() <= tolerance || next == low || next == high {
             return next;
         }
         z = next;

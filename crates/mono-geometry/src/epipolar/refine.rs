@@ -11,7 +11,7 @@
 //! 4. covariance (J^T J)^-1 at the minimum.
 //!
 //! Degenerate: matches that leave a direction undetermined (a turning camera that does not move, too few matches) make
-//! J^T J singular: an error with the pivot. Outliers are not tamed: select inliers first.
+//! J^T J singular: an error with the pivot. Outliers are not tamed: select inliers first, and see [`refine_narrowed`].
 //!
 //! Source: Hartley and Zisserman (2004), 11.4.3 and A6.2.
 
@@ -19,8 +19,10 @@ use nalgebra::linalg::Cholesky;
 use nalgebra::{Const, Matrix3, SMatrix, SVector, Vector2};
 
 use super::Correspondence;
+use super::scorer::SampsonScorer;
 use crate::error::GeometryError;
 use crate::linalg::cholesky;
+use crate::ransac::Scorer;
 
 /// A motion with K degrees of freedom that has an essential matrix.
 pub trait Freedom<const K: usize>: Sized {
@@ -127,6 +129,55 @@ pub fn refine<M: Freedom<K> + Clone, const K: usize>(
         iterations,
         termination,
     })
+}
+
+/// How often the matches are chosen again; a third time changes little.
+const NARROWINGS: usize = 2;
+/// Median of a chi-square distribution of one degree of freedom.
+const CHI_SQUARE_MEDIAN_ONE: f64 = 0.454_936_423_119_572_7;
+
+/// [`refine`] over those of the inliers that fit the noise the inliers show, for a threshold that was set too wide.
+///
+/// Twice: sigma^2 from the median of the squared distances, at most the scorer's variance; matches beyond the scorer's
+/// threshold of that sigma are left out; least squares. The covariance is that of the scorer's variance, so on the large
+/// side. O(iterations x n K + n log n).
+///
+/// # Errors
+/// As [`refine`].
+pub fn refine_narrowed<M: Freedom<K> + Clone, const K: usize>(
+    start: &M,
+    matches: &[Correspondence],
+    inliers: &[usize],
+    scorer: &SampsonScorer,
+    max_iterations: usize,
+) -> Result<Refined<M, K>, GeometryError> {
+    let mut refined = refine(start, matches, inliers, &scorer.variance, max_iterations)?;
+    for _ in 0..NARROWINGS {
+        let essential = refined.model.essential();
+        let squared: Vec<f64> = inliers
+            .iter()
+            .map(|index| scorer.squared_residual(&essential, &matches[*index]))
+            .collect();
+        let mut sorted = squared.clone();
+        sorted.sort_by(f64::total_cmp);
+        let Some(median) = sorted.get(sorted.len() / 2) else {
+            break;
+        };
+        let threshold = scorer.threshold * (median / CHI_SQUARE_MEDIAN_ONE).min(1.0);
+        // NaN, a pair of epipoles, is left out.
+        let kept: Vec<usize> = std::iter::zip(inliers, squared)
+            .filter(|(_, value)| *value <= threshold)
+            .map(|(index, _)| *index)
+            .collect();
+        refined = refine(
+            &refined.model,
+            matches,
+            &kept,
+            &scorer.variance,
+            max_iterations,
+        )?;
+    }
+    Ok(refined)
 }
 
 /// Normal equations at a motion.

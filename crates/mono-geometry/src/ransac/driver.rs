@@ -10,7 +10,10 @@ use super::{Sampler, Scorer, Solver};
 pub struct Options {
     /// Probability of having drawn a sample of inliers only, in (0, 1); taken as the nearest value inside for others.
     pub confidence: f64,
-    /// Largest number of trials.
+    /// Least number of trials. The confidence is that of one sample without a wrong datum, which may still be an
+    /// ill-conditioned one (five matches close together) whose inliers are a part of the right ones.
+    pub min_trials: usize,
+    /// Largest number of trials, which overrules the least.
     pub max_trials: usize,
     /// Largest number of refits on a new best model; 0 switches local optimisation off.
     pub local_refits: usize,
@@ -19,10 +22,11 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Confidence 0.999, 10 000 trials, 10 refits, seed 0.
+    /// Confidence 0.999, 20 to 10 000 trials, 10 refits, seed 0.
     fn default() -> Self {
         Self {
             confidence: 0.999,
+            min_trials: 20,
             max_trials: 10_000,
             local_refits: 10,
             seed: 0,
@@ -126,7 +130,9 @@ where
     let mut required = f64::INFINITY;
     sampler.start(data.len(), sample_size);
 
-    while report.trials < options.max_trials && required > report.trials as f64 {
+    while report.trials < options.max_trials
+        && (report.trials < options.min_trials || required > report.trials as f64)
+    {
         report.trials += 1;
         sampler.draw(&mut rng, &mut sample);
         models.clear();

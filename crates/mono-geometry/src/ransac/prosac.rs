@@ -54,7 +54,7 @@ impl Prosac {
         order.sort_by(|a, b| key(*b).total_cmp(&key(*a)));
         Self {
             growth_trials: 200_000.0,
-            accidental_share: 0.05,
+            accidental_share: 0.1,
             significance: 0.01,
             order,
             least_inliers: Vec::new(),
