@@ -1,0 +1,310 @@
+//! Sub-pixel corners: a picture of the corner fitted to the pixels.
+//!
+//! Problem: the place of a corner to a few hundredths of a pixel, with its own standard deviation.
+//!
+//! Two straight edges through c with directions a_1, a_2, blurred by Gaussians s_1, s_2, on a slanted ground:
+//!
+//!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),   d_k = (-sin a_k, cos a_k) . (p - c)
+//!
+//! The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a disc. All pixels along
+//! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
+//! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
+//! uses the same pixels with weights that grow with noise. For edges at a right angle under one blur the product is
+//! exact; for others it is not, but model and image both map to themselves by a half turn about c, so nothing
+//! pulls c aside. Two widths let motion blur spread one edge more than the other.
+//!
+//! Steps: start from the saddle and its edges; fit; give up when the fit leaves the disc, flips its contrast or
+//! has no positive definite normal matrix.
+//!
+//! Degenerate: a disc that contains a neighbouring corner (the caller keeps it within 0.4 squares); edges bent by
+//! the lens within the disc, which moves c by about a third of their sagitta (the caller keeps it small against the bending).
+
+use nalgebra::{SMatrix, SVector};
+
+use super::plane::Plane;
+
+/// Number of parameters: c (2), directions (2), log widths (2), contrast, ground level, slope (2).
+const N: usize = 10;
+/// Iterations after which the fit is taken as failed.
+const MOST_ITERATIONS: usize = 40;
+/// A step of c below this ends the fit, pixels: a hundredth of the best standard deviation to be had.
+const SMALLEST_STEP_PX: f64 = 1e-4;
+/// Blur that is believed, pixels: a pixel's own square has 0.29.
+const WIDTH_RANGE: (f64, f64) = (0.2, 8.0);
+/// Least share of the disc that lies on the image.
+const LEAST_INSIDE: f64 = 0.6;
+
+/// A fitted corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fit {
+    /// Pixels of the plane.
+    pub(super) position: [f64; 2],
+    /// Directions of the two edges, radians.
+    pub(super) directions: [f64; 2],
+    /// Standard deviations of the edges' blur, pixels.
+    pub(super) widths: [f64; 2],
+    /// Standard deviation of the position by the fit, root mean square of x and y, pixels.
+    pub(super) sigma_px: f64,
+}
+
+/// Fits the corner near `position` with edges near `directions`, over the pixels within `radius`.
+pub(super) fn fit(
+    plane: &Plane,
+    position: [f64; 2],
+    directions: [f64; 2],
+    width: f64,
+    radius: f64,
+) -> Option<Fit> {
+    let pixels = disc(plane, position, radius)?;
+    let mut state = start(&pixels, position, directions, width)?;
+    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state);
+    let mut damping = 1e-3;
+    let mut settled = false;
+    for _ in 0..MOST_ITERATIONS {
+        let mut damped = normal;
+        for k in 0..N {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&gradient);
+        let mut next = state - step;
+        for k in 4..6 {
+            next[k] = next[k].clamp(WIDTH_RANGE.0.ln(), WIDTH_RANGE.1.ln());
+        }
+        if (next[0] - position[0]).hypot(next[1] - position[1]) > 0.5 * radius {
+            return None;
+        }
+        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next);
+        if next_cost.is_finite() && next_cost <= cost {
+            let moved = step[0].hypot(step[1]);
+            (state, normal, gradient, cost) = (next, next_normal, next_gradient, next_cost);
+            damping = (0.2 * damping).max(1e-9);
+            if moved < SMALLEST_STEP_PX {
+                settled = true;
+                break;
+            }
+        } else {
+            damping *= 8.0;
+            if damping > 1e9 {
+                // No direction lowers the cost any more: rounding.
+                settled = true;
+                break;
+            }
+        }
+    }
+    let factor = normal.cholesky()?;
+    let variance = cost / (pixels.len() - N) as f64;
+    let spread = |axis: usize| {
+        let mut unit = SVector::<f64, N>::zeros();
+        unit[axis] = 1.0;
+        factor.solve(&unit)[axis] * variance
+    };
+    let sigma_px = (0.5 * (spread(0) + spread(1))).max(0.0).sqrt();
+    let upright = (state[2] - directions[0]).abs() < 0.8 && (state[3] - directions[1]).abs() < 0.8;
+    (settled && upright && sigma_px.is_finite()).then(|| Fit {
+        position: [state[0], state[1]],
+        directions: [state[2], state[3]],
+        widths: [state[4].exp(), state[5].exp()],
+        sigma_px,
+    })
+}
+
+/// (x, y, grey level) of the pixels of a disc.
+fn disc(plane: &Plane, centre: [f64; 2], radius: f64) -> Option<Vec<[f64; 3]>> {
+    let range = |middle: f64, side: usize| {
+        let low = (middle - radius).ceil().max(0.0);
+        let high = (middle + radius).floor().min(side as f64 - 1.0);
+        (low <= high).then(|| low as usize..=high as usize)
+    };
+    let columns = range(centre[0], plane.width)?;
+    let mut pixels = Vec::new();
+    for y in range(centre[1], plane.height)? {
+        for x in columns.clone() {
+            let (dx, dy) = (x as f64 - centre[0], y as f64 - centre[1]);
+            if dx * dx + dy * dy <= radius * radius {
+                pixels.push([x as f64, y as f64, f64::from(plane.at(x, y))]);
+            }
+        }
+    }
+    let area = std::f64::consts::PI * radius * radius;
+    (pixels.len() > 2 * N && pixels.len() as f64 >= LEAST_INSIDE * area).then_some(pixels)
+}
+
+/// The level and contrast that fit best with the geometry given.
+fn start(
+    pixels: &[[f64; 3]],
+    position: [f64; 2],
+    directions: [f64; 2],
+    width: f64,
+) -> Option<SVector<f64, N>> {
+    let mut state = SVector::<f64, N>::zeros();
+    (state[0], state[1]) = (position[0], position[1]);
+    (state[2], state[3]) = (directions[0], directions[1]);
+    (state[4], state[5]) = (width.ln(), width.ln());
+    state[6] = 1.0;
+    let count = pixels.len() as f64;
+    let (mut m, mut v, mut mm, mut mv) = (0.0, 0.0, 0.0, 0.0);
+    for pixel in pixels {
+        let shape = model(&state, pixel).0;
+        m += shape;
+        v += pixel[2];
+        mm += shape * shape;
+        mv += shape * pixel[2];
+    }
+    let spread = mm - m * m / count;
+    if spread <= f64::EPSILON * mm {
+        return None;
+    }
+    state[6] = (mv - m * v / count) / spread;
+    state[7] = (v - state[6] * m) / count;
+    Some(state)
+}
+
+/// J^T J, J^T r and r^T r of the residuals model minus pixel.
+fn linearised(
+    pixels: &[[f64; 3]],
+    state: &SVector<f64, N>,
+) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
+    let mut normal = SMatrix::<f64, N, N>::zeros();
+    let mut gradient = SVector::<f64, N>::zeros();
+    let mut cost = 0.0;
+    for pixel in pixels {
+        let (value, row) = model(state, pixel);
+        let residual = value - pixel[2];
+        for i in 0..N {
+            gradient[i] += row[i] * residual;
+            for j in 0..=i {
+                normal[(i, j)] += row[i] * row[j];
+            }
+        }
+        cost += residual * residual;
+    }
+    for i in 0..N {
+        for j in 0..i {
+            normal[(j, i)] = normal[(i, j)];
+        }
+    }
+    (normal, gradient, cost)
+}
+
+/// The model at a pixel and its derivatives by the parameters.
+fn model(state: &SVector<f64, N>, pixel: &[f64; 3]) -> (f64, [f64; N]) {
+    let (x, y) = (pixel[0] - state[0], pixel[1] - state[1]);
+    let edge = |direction: f64, log_width: f64| {
+        let (sin, cos) = direction.sin_cos();
+        let scale = (-log_width).exp() * std::f64::consts::FRAC_1_SQRT_2;
+        let along = cos * x + sin * y;
+        let (value, slope) = erf((cos * y - sin * x) * scale);
+        // Derivatives by c_x, c_y, direction and log width.
+        let by = slope * scale;
+        let off = cos * y - sin * x;
+        (value, [by * sin, -by * cos, -by * along, -by * off])
+    };
+    let (first, d_first) = edge(state[2], state[4]);
+    let (second, d_second) = edge(state[3], state[5]);
+    let contrast = state[6];
+    let row = [
+        contrast * (d_first[0] * second + first * d_second[0]) - state[8],
+        contrast * (d_first[1] * second + first * d_second[1]) - state[9],
+        contrast * d_first[2] * second,
+        contrast * first * d_second[2],
+        contrast * d_first[3] * second,
+        contrast * first * d_second[3],
+        first * second,
+        1.0,
+        x,
+        y,
+    ];
+    let value = contrast * first * second + state[7] + state[8] * x + state[9] * y;
+    (value, row)
+}
+
+/// erf and its derivative; Abramowitz and Stegun 7.1.26, error below 1.5e-7.
+fn erf(t: f64) -> (f64, f64) {
+    let size = t.abs();
+    let gauss = (-size * size).exp();
+    let u = 1.0 / (1.0 + 0.327_591_1 * size);
+    let polynomial = u
+        * (0.254_829_592
+            + u * (-0.284_496_736
+                + u * (1.421_413_741 + u * (-1.453_152_027 + u * 1.061_405_429))));
+    let value = (1.0 - polynomial * gauss).copysign(t);
+    (value, std::f64::consts::FRAC_2_SQRT_PI * gauss)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> SVector<f64, N> {
+        SVector::from([
+            12.3,
+            11.6,
+            0.3,
+            1.7,
+            0.9_f64.ln(),
+            1.3_f64.ln(),
+            55.0,
+            120.0,
+            0.4,
+            -0.3,
+        ])
+    }
+
+    fn plane(state: &SVector<f64, N>) -> Plane {
+        Plane {
+            width: 25,
+            height: 24,
+            values: (0..25 * 24)
+                .map(|k| model(state, &[f64::from(k % 25), f64::from(k / 25), 0.0]).0 as f32)
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let truth = state();
+        for pixel in [[10.0, 12.0, 0.0], [15.0, 9.0, 0.0], [12.0, 11.0, 0.0]] {
+            let (_, row) = model(&truth, &pixel);
+            for k in 0..N {
+                let step = 1e-5;
+                let mut moved = [truth, truth];
+                moved[0][k] -= step;
+                moved[1][k] += step;
+                let difference =
+                    (model(&moved[1], &pixel).0 - model(&moved[0], &pixel).0) / (2.0 * step);
+                // The rational erf is smooth only to 1.5e-7, here times 55 over 2e-5.
+                assert!(
+                    (row[k] - difference).abs() < 2e-3 * row[k].abs().max(10.0),
+                    "{k}: {} {difference}",
+                    row[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_of_the_model_gives_its_parameters_back() {
+        let truth = state();
+        let found = fit(&plane(&truth), [13.1, 11.0], [0.2, 1.85], 1.0, 8.0).unwrap();
+        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
+        assert!((found.position[1] - 11.6).abs() < 1e-4);
+        assert!((found.directions[1] - 1.7).abs() < 1e-3);
+        assert!((found.widths[0] - 0.9).abs() < 1e-3 && (found.widths[1] - 1.3).abs() < 1e-3);
+        assert!(found.sigma_px < 1e-4);
+    }
+
+    #[test]
+    fn a_flat_or_cropped_disc_is_no_corner() {
+        let mut flat = plane(&state());
+        flat.values.fill(80.0);
+        assert!(fit(&flat, [12.0, 12.0], [0.2, 1.8], 1.0, 8.0).is_none());
+        assert!(fit(&plane(&state()), [0.5, 0.5], [0.2, 1.8], 1.0, 8.0).is_none());
+    }
+
+    #[test]
+    fn val_abramowitz_stegun_erf() {
+        for (t, expected) in [(0.0, 0.0), (0.5, 0.520_499_9), (1.0, 0.842_700_8), (-2.0, -0.995_322_3)] {
+            assert!((erf(t).0 - expected).abs() < 2e-7, "{t}");
+        }
+    }
+}
