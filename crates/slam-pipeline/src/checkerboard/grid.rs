@@ -194,20 +194,14 @@ fn predicted(stars: &[Star], grid: &Grid, cell: Cell) -> Option<([f64; 2], f64)>
         grid.get(&beside(cell, direction, steps))
             .map(|&(star, _)| stars[star].position)
     };
-    let (mut sum, mut count, mut spacing) = ([0.0; 2], 0.0, f64::INFINITY);
-    let mut add = |position: [f64; 2], length: f64| {
-        sum = [sum[0] + position[0], sum[1] + position[1]];
-        count += 1.0;
-        spacing = spacing.min(length);
-    };
-    let between = |direction: usize| Some((place(direction, 1)?, place(direction + 2, 1)?));
-    for (a, b) in (0..2).filter_map(between) {
-        add(
-            [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
-            0.5 * distance(a, b),
-        );
+    let mut guesses: Vec<([f64; 2], f64)> = Vec::new();
+    for direction in 0..2 {
+        if let (Some(a), Some(b)) = (place(direction, 1), place(direction + 2, 1)) {
+            let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            guesses.push((middle, 0.5 * distance(a, b)));
+        }
     }
-    if count == 0.0 {
+    if guesses.is_empty() {
         for direction in 0..4 {
             let (Some(one), Some(two)) = (place(direction, 1), place(direction, 2)) else {
                 continue;
@@ -217,10 +211,14 @@ fn predicted(stars: &[Star], grid: &Grid, cell: Cell) -> Option<([f64; 2], f64)>
                 Some(three) => 3.0 * (one[axis] - two[axis]) + three[axis],
                 None => 2.0 * one[axis] - two[axis],
             });
-            add(position, distance(one, two));
+            guesses.push((position, distance(one, two)));
         }
     }
-    (count > 0.0).then(|| ([sum[0] / count, sum[1] / count], spacing))
+    let spacing = guesses.iter().map(|guess| guess.1).reduce(f64::min)?;
+    let mean = [0, 1].map(|axis| {
+        guesses.iter().map(|guess| guess.0[axis]).sum::<f64>() / guesses.len() as f64
+    });
+    Some((mean, spacing))
 }
 
 /// The corner near `expected` that fits the neighbours of `cell`, with its turn.
