@@ -73,6 +73,34 @@ pub enum GeometryError {
         /// Columns of the matrix.
         columns: usize,
     },
+    /// One entry of a list cannot be used.
+    #[error("{list} {index}: {name} is {value}, required: {required}")]
+    InvalidElement {
+        /// What the list holds, in the singular.
+        list: &'static str,
+        /// Index of the entry.
+        index: usize,
+        /// Name of the number, with its unit if it has one.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// What is accepted, in words.
+        required: &'static str,
+    },
+    /// The measurements leave a motion of the whole free (gauge), so there is no covariance.
+    #[error(
+        "the measurements leave a direction free: pivot {value} at coordinate {coordinate} of pose {pose}, required: above {required} (fix a pose or add a prior; the scale needs odometry or a second one)"
+    )]
+    GaugeFree {
+        /// Index of the pose.
+        pose: usize,
+        /// Coordinate of its tangent, translation first.
+        coordinate: usize,
+        /// The pivot, in units of information.
+        value: f64,
+        /// What rounding alone would leave of a zero.
+        required: f64,
+    },
 }
 
 /// `value` if it is finite and `accept` holds, the named error otherwise.

@@ -9,27 +9,33 @@
 //! world); [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
+pub mod bundle;
+pub mod calibration;
 pub mod camera;
 pub mod distortion;
 pub mod epipolar;
 pub mod error;
+pub mod homography;
 pub mod inverse_depth;
 pub mod linalg;
 pub mod motion;
 pub mod mount;
+pub mod robust_loss;
 pub mod se2;
 pub mod se3;
 mod series;
 pub mod so3;
 pub mod triangulation;
 
-pub use camera::{Camera, Pinhole};
+pub use camera::{Camera, ParameterJacobian, Pinhole};
 pub use distortion::Distortion;
 pub use epipolar::EpipolarPair;
 pub use error::GeometryError;
+pub use homography::Homography;
 pub use inverse_depth::InverseDepthPoint;
 pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
+pub use robust_loss::RobustLoss;
 pub use se2::Se2;
 pub use se3::Se3;
 pub use triangulation::{Acceptance, Observation, Rejection, Triangulated, triangulate};

@@ -17,6 +17,10 @@ use nalgebra::{Const, DMatrix, DVector, Matrix3, Rotation3, SMatrix, Vector3};
 
 use crate::error::GeometryError;
 
+mod dense_cholesky;
+
+pub use dense_cholesky::DenseCholesky;
+
 /// Thin singular value decomposition A = U diag(s) V^T of an m x n matrix, k = min(m, n).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Svd {

@@ -1,0 +1,112 @@
+//! How sure a bundle is: marginal covariances of poses and landmarks at the estimate.
+//!
+//! The inverse of the Hessian of Gauss and Newton, blockwise: the poses have S^-1 (Schur complement, by solving, not from
+//! the blocks of the full inverse), and a landmark has
+//!
+//! > cov(l) = V^-1 + (V^-1 W^T) S^-1 (W V^-1).
+//!
+//! With a robust loss the pixels enter with their weights rho', so the covariance is that of least squares with the
+//! far-off pixels down-weighted.
+//!
+//! Degenerate: with no fixed pose and no prior the whole can be moved at will (gauge), and without odometry or a
+//! second known pose it can be scaled too; S is singular and the answer is an error with the pivot, not large numbers.
+//! A landmark whose V is singular has no covariance (`None`).
+
+use nalgebra::{DMatrix, Matrix3, SMatrix};
+
+use super::layout::Layout;
+use super::normal::{Estimate, Normal, Whitening};
+use super::pose::BundlePose;
+use super::problem::Problem;
+use super::schur::{InverseRoot, Schur, follow};
+use crate::error::GeometryError;
+use crate::linalg::symmetrize;
+use crate::robust_loss::RobustLoss;
+
+/// Joint covariance of the free poses, and what the landmarks' covariances are made of.
+#[derive(Debug)]
+pub struct Covariance<const D: usize> {
+    layout: Layout,
+    joint: DMatrix<f64>,
+    w: Vec<SMatrix<f64, D, 3>>,
+    roots: Vec<InverseRoot>,
+}
+
+/// Covariance of the estimates that the problem holds (take over an adjustment's result first). O((D poses)^3) beyond one
+/// iteration.
+///
+/// # Errors
+/// As [`Problem::check`]; a landmark behind a camera; [`GeometryError::GaugeFree`] if the measurements leave a direction
+/// of the poses free.
+pub fn covariance<P: BundlePose<D>, const D: usize>(
+    problem: &Problem<P, D>,
+    loss: &RobustLoss,
+) -> Result<Covariance<D>, GeometryError> {
+    problem.check()?;
+    loss.check()?;
+    let layout = Layout::new(problem);
+    let whitening = Whitening::new(problem)?;
+    let mut normal = Normal::new(&layout);
+    normal.fill(problem, &layout, &whitening, loss, &Estimate::new(problem))?;
+    let (factor, roots) = Schur::new(&layout).marginal(&layout, &normal)?;
+    let size = D * layout.free_poses.len();
+    let mut joint = DMatrix::identity(size, size);
+    factor.solve_in_place(joint.as_mut_slice())?;
+    // Solving leaves the two triangles apart by rounding.
+    let joint = (&joint + joint.transpose()) * 0.5;
+    Ok(Covariance {
+        layout,
+        joint,
+        w: normal.w,
+        roots,
+    })
+}
+
+impl<const D: usize> Covariance<D> {
+    /// Covariance of one pose, in the tangent at its right (body axes, translation first); zero for a fixed pose, `None`
+    /// for an index out of range.
+    #[must_use]
+    pub fn pose(&self, pose: usize) -> Option<SMatrix<f64, D, D>> {
+        self.between(pose, pose)
+    }
+
+    /// Covariance of two poses with one another (rows: the first).
+    #[must_use]
+    pub fn between(&self, first: usize, second: usize) -> Option<SMatrix<f64, D, D>> {
+        let rows = self.layout.free_index.get(first)?;
+        let columns = self.layout.free_index.get(second)?;
+        Some(match (rows, columns) {
+            (Some(r), Some(c)) => self.block(*r, *c),
+            _ => SMatrix::zeros(),
+        })
+    }
+
+    /// Joint covariance of the free poses in ascending order, D rows each.
+    #[must_use]
+    pub fn joint(&self) -> &DMatrix<f64> {
+        &self.joint
+    }
+
+    /// Covariance of one landmark, m^2; `None` if its sightings do not fix it, or for an index out of range.
+    /// O((poses that see it)^2).
+    #[must_use]
+    pub fn landmark(&self, landmark: usize) -> Option<Matrix3<f64>> {
+        let root = self.roots.get(landmark).filter(|root| root.rank == 3)?;
+        let range = self.layout.starts[landmark].link..self.layout.starts[landmark + 1].link;
+        let mut covariance = root.g * root.g.transpose();
+        for i in range.clone() {
+            let left = follow(&self.w[i], root);
+            for j in range.clone() {
+                let block = self.block(self.layout.links[i], self.layout.links[j]);
+                covariance += left.transpose() * block * follow(&self.w[j], root);
+            }
+        }
+        Some(symmetrize(&covariance))
+    }
+
+    fn block(&self, row: usize, column: usize) -> SMatrix<f64, D, D> {
+        self.joint
+            .fixed_view::<D, D>(row * D, column * D)
+            .into_owned()
+    }
+}
