@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{config, eval, features, match_images, report, run};
+use commands::{calibrate, config, eval, features, match_images, report, run};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -34,6 +34,8 @@ enum Command {
     Features(features::Arguments),
     /// Match two images
     Match(match_images::Arguments),
+    /// Calibrate a camera from images of a checkerboard
+    Calibrate(calibrate::Arguments),
     /// Print the default configuration with every key explained
     Config,
 }
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Features(arguments) => features::run(&arguments),
         Command::Match(arguments) => match_images::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Config => config::run(),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),

@@ -19,7 +19,7 @@ pub struct GreyImage {
 }
 
 /// Image files of a folder in lexical order of their names.
-pub(super) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let unreadable = |source| SequenceError::Read {
         path: folder.to_path_buf(),
         source,
