@@ -15,8 +15,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         match find_board(&read_grey(&path)?, size) {
             Ok(board) => {
                 println!(
-                    "{}: blur {:.2} px, corners good to {:.3} px",
+                    "{}: level {}, blur {:.2} px, corners good to {:.3} px",
                     path.display(),
+                    board.level,
                     board.blur_px,
                     board.sigmas_px.iter().copied().fold(0.0, f64::max)
                 );

@@ -256,7 +256,7 @@ fn background(look: &Look, width: usize, height: usize, rng: &mut ChaCha8Rng) ->
         );
         let (sin, cos) = uniform(0.0, TAU).sin_cos();
         let (first, second) = (uniform(dark, bright), uniform(dark, bright));
-        let period = uniform(2.0, 14.0);
+        let period = uniform(3.0, 14.0);
         let reach = a.hypot(b);
         let span = |centre: f64, side: usize| {
             let low = (centre - reach).floor().max(0.0) as usize;
@@ -267,8 +267,11 @@ fn background(look: &Look, width: usize, height: usize, rng: &mut ChaCha8Rng) ->
                 let (dx, dy) = (x as f64 - cx, y as f64 - cy);
                 let (u, v) = (cos * dx + sin * dy, cos * dy - sin * dx);
                 if u.abs() <= a && v.abs() <= b {
-                    let stripe = (u / period).floor().rem_euclid(2.0) == 0.0;
-                    values[y * width + x] = if stripe { first } else { second };
+                    // Stripes one period wide, their edges over one pixel: sharper ones alias into checkerboards.
+                    let place = u.rem_euclid(2.0 * period) - period;
+                    let inside = 0.5 * period - (place.abs() - 0.5 * period).abs();
+                    let share = (0.5 + inside * place.signum()).clamp(0.0, 1.0);
+                    values[y * width + x] = second + share * (first - second);
                 }
             }
         }

@@ -44,13 +44,13 @@ pub(crate) struct Arguments {
 enum Model {
     /// No lens
     Pinhole,
-    /// k1 k2 p1 p2: ordinary lenses
+    /// k1 k2 p1 p2 k3: ordinary and wide lenses
     Radtan,
-    /// k1 k2 p1 p2 k3: strong distortion, corners out to the image border
-    RadtanK3,
-    /// Eight coefficients: wide lenses
+    /// k1 k2 p1 p2: long lenses and few images, where k3 would only follow the noise
+    Radtan4,
+    /// k1 k2 p1 p2 k3 k4 k5 k6: very wide lenses
     Rational,
-    /// Fisheye
+    /// k1 k2 k3 k4: fisheyes
     KannalaBrandt,
 }
 
@@ -58,8 +58,8 @@ impl From<Model> for LensModel {
     fn from(model: Model) -> LensModel {
         match model {
             Model::Pinhole => LensModel::Pinhole,
-            Model::Radtan => LensModel::Radtan,
-            Model::RadtanK3 => LensModel::RadtanK3,
+            Model::Radtan => LensModel::RadtanK3,
+            Model::Radtan4 => LensModel::Radtan,
             Model::Rational => LensModel::Rational,
             Model::KannalaBrandt => LensModel::KannalaBrandt,
         }

@@ -117,7 +117,7 @@ pub enum CalibrateError {
     #[error(transparent)]
     Images(#[from] SequenceError),
     /// Too few boards were found.
-    #[error("{found} boards in {images} images, required: at least {LEAST_BOARDS}{}", first_reasons(.reasons))]
+    #[error("{found} board{} in {images} image{}, required: at least {LEAST_BOARDS}{}", plural(*.found), plural(*.images), first_reasons(.reasons))]
     TooFewBoards {
         /// Boards found in images of one size.
         found: usize,
@@ -129,6 +129,10 @@ pub enum CalibrateError {
     /// The corners do not make a camera.
     #[error("no camera fits the boards: {0}")]
     Calibration(#[from] CalibrationError),
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
 }
 
 fn first_reasons(reasons: &[(String, usize, String)]) -> String {
@@ -215,7 +219,7 @@ pub fn calibrate_images(
         ..CalibrationOptions::default()
     };
     let calibration = calibrate(width, height, &views, &options)?;
-    for image in with_board.iter().map(|&k| k) {
+    for &image in &with_board {
         images[image].outcome = Outcome::LeftOut("its corners do not fix a pose".into());
     }
     for (index, report) in calibration.views.iter().enumerate() {

@@ -33,8 +33,9 @@ pub(super) const DIRECTIONS: [Cell; 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 /// Largest angle between an edge and the line to the neighbour it leads to, radians (20 degrees: the ring's error
 /// plus what lens and perspective bend over one square).
 const DIRECTION_TOLERANCE: f64 = 0.35;
-/// Share of the corners' contrast that must show across the edge between them.
-const EDGE_SHARE: f64 = 0.25;
+/// Share of the stronger corner's contrast that must show across the edge between two: light does not change by more
+/// over one square, and noise beside a board has far less.
+const EDGE_SHARE: f64 = 0.3;
 /// How far from its prediction a missing corner is looked for, in squares.
 const SEARCH_SHARE: f64 = 0.3;
 /// Response that suffices where a corner is expected, grey levels a squared pixel.
@@ -104,7 +105,7 @@ fn edge_between(blurred: &Plane, from: &Star, ray: usize, to: &Star) -> Option<u
     let across = [-offset[1] / length, offset[0] / length];
     let aside = (0.2 * length).clamp(1.5, 4.0);
     let sign = if from.bright_after(ray) { 1.0 } else { -1.0 };
-    let needed = EDGE_SHARE * from.contrast.min(to.contrast);
+    let needed = EDGE_SHARE * from.contrast.max(to.contrast);
     for share in [0.3, 0.5, 0.7] {
         let on = [0, 1].map(|axis| from.position[axis] + share * offset[axis]);
         let value = |side: f64| {
@@ -320,7 +321,7 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 /// Euclidean distance.
-pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     let [x, y] = difference(a, b);
     x.hypot(y)
 }

@@ -33,14 +33,21 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::sequence::GreyImage;
-use grid::{Grid, distance};
+use grid::Grid;
 use plane::{Plane, from_finest, to_finest};
+use refine::{Freedom, Window};
 use star::Star;
 
 /// Longer side of the level that is looked at first, pixels: saddles are narrow there, and noise is averaged.
 const FIRST_SIDE_PX: usize = 1280;
 /// Shorter side below which no level goes, pixels.
 const LEAST_SIDE_PX: usize = 60;
+/// Half the narrow way across the smallest window a corner is fitted in, pixels of its level.
+const LEAST_WINDOW_PX: f64 = 2.0;
+/// Pixels below which blur and ground are not fitted corner by corner: eight a parameter.
+const FEW_PIXELS: usize = 80;
+/// Share of the contrast seen around a corner that its fit must find.
+const CONTRAST_SHARE: f64 = 0.4;
 /// Edge blur above which a finer level shows nothing more, pixels.
 const SHARP_PX: f64 = 1.2;
 
@@ -293,11 +300,34 @@ fn measured(levels: &[Plane], corners: &[Star], size: BoardSize) -> Result<Found
     let mut width = 0.8;
     for level in (0..=found_at).rev() {
         let factor = f64::from(1_u32 << level);
-        let radii = radii(&positions, size, factor);
-        let fits: Vec<Option<refine::Fit>> = (0..positions.len())
-            .map(|k| {
-                let place = from_finest(positions[k], level);
-                refine::fit(&levels[level as usize], place, directions[k], width, radii[k])
+        let Some(windows) = windows(&positions, size, factor) else {
+            return best.ok_or(NotFound::Unmeasurable {
+                corners: positions.len(),
+            });
+        };
+        let narrow = |window: &Window| window.narrowest() < LEAST_WINDOW_PX;
+        if level > 0 && windows.iter().any(narrow) {
+            // Squares too small to be measured here; the next level has twice the pixels.
+            continue;
+        }
+        let fit = |k: usize, width: f64, freedom: Freedom| {
+            let place = from_finest(positions[k], level);
+            let plane = &levels[level as usize];
+            refine::fit(plane, place, directions[k], width, &windows[k], freedom)
+                .filter(|fit| fit.contrast >= CONTRAST_SHARE * corners[k].contrast)
+        };
+        let free: Vec<Option<refine::Fit>> = (0..positions.len())
+            .map(|k| fit(k, width, Freedom::Full))
+            .collect();
+        // Corners with few pixels, and those that got lost, take the blur from the others.
+        let usual = median(free.iter().flatten().flat_map(|fit| fit.widths).collect());
+        let usual = if usual.is_finite() { usual } else { width };
+        let fits: Vec<Option<refine::Fit>> = free
+            .into_iter()
+            .enumerate()
+            .map(|(k, found)| match found {
+                Some(found) if found.pixels >= FEW_PIXELS => Some(found),
+                _ => fit(k, usual, Freedom::Stiff),
             })
             .collect();
         let failed = fits.iter().filter(|fit| fit.is_none()).count();
@@ -327,24 +357,24 @@ fn measured(levels: &[Plane], corners: &[Star], size: BoardSize) -> Result<Found
     })
 }
 
-/// Radius of the disc each corner is fitted in, pixels of the level.
-///
-/// Within 0.4 of the nearest neighbour, no other corner shows; beyond a fifth of a square the bending of the lens would.
-fn radii(positions: &[[f64; 2]], size: BoardSize, factor: f64) -> Vec<f64> {
+/// Window each corner is fitted in, at a level `factor` times smaller; `None` when its squares have no area.
+fn windows(positions: &[[f64; 2]], size: BoardSize, factor: f64) -> Option<Vec<Window>> {
+    let side = |k: usize, place: usize, count: usize, stride: usize| {
+        let (before, after) = (place > 0, place + 1 < count);
+        let (from, to) = (
+            if before { k - stride } else { k },
+            if after { k + stride } else { k },
+        );
+        let steps = if before && after { 2.0 } else { 1.0 };
+        [0, 1].map(|axis| (positions[to][axis] - positions[from][axis]) / (steps * factor))
+    };
     (0..positions.len())
         .map(|k| {
             let (column, row) = (k % size.columns, k / size.columns);
-            let mut nearest = f64::INFINITY;
-            let mut look = |inside: bool, other: usize| {
-                if inside {
-                    nearest = nearest.min(distance(positions[k], positions[other]) / factor);
-                }
-            };
-            look(column > 0, k.wrapping_sub(1));
-            look(column + 1 < size.columns, k + 1);
-            look(row > 0, k.wrapping_sub(size.columns));
-            look(row + 1 < size.rows, k + size.columns);
-            (0.4 * nearest).min((0.2 * nearest).clamp(6.0, 24.0))
+            Window::new(
+                side(k, column, size.columns, 1),
+                side(k, row, size.rows, size.columns),
+            )
         })
         .collect()
 }

@@ -11,15 +11,15 @@
 //! of one camera: a half turn of the board about its centre is another pose of the same board. It does matter
 //! for two cameras that look at the same board, or for a board that carries a frame of its own: use an odd sum there.
 //!
-//! Degenerate: a grid that has no full window is incomplete, one with several windows or with another row that is more
-//! than a third full belongs to a larger board; both are refused with what was seen.
+//! Degenerate: a grid that has no full window is incomplete, one with several windows or with another row that is two
+//! thirds full belongs to a larger board; both are refused with what was seen.
 
 use super::grid::{Cell, Grid};
 use super::star::Star;
 use super::{BoardSize, NotFound};
 
-/// Share of a further row or column that may be filled by accident.
-const ACCIDENTAL_SHARE: usize = 3;
+/// Share of a further row or column that makes the board larger; clutter beside the board rarely fills so much.
+const FURTHER_SHARE: f64 = 0.67;
 
 /// Stars in board order.
 pub(super) fn numbered(
@@ -139,13 +139,13 @@ fn window(size: BoardSize, grid: &Grid) -> Result<Window, NotFound> {
 fn has_neighbour_row(window: &Window, grid: &Grid) -> bool {
     let (u, v, width, height) = (window.low.0, window.low.1, window.width, window.height);
     let filled = |cells: &mut dyn Iterator<Item = Cell>| {
-        cells.filter(|cell| grid.contains_key(cell)).count() * ACCIDENTAL_SHARE
+        cells.filter(|cell| grid.contains_key(cell)).count() as f64
     };
     let rows = [v - 1, v + height];
     let columns = [u - 1, u + width];
     rows.iter()
-        .any(|&row| filled(&mut (u..u + width).map(|column| (column, row))) > width as usize)
+        .any(|&row| filled(&mut (u..u + width).map(|column| (column, row))) >= FURTHER_SHARE * f64::from(width))
         || columns
             .iter()
-            .any(|&column| filled(&mut (v..v + height).map(|row| (column, row))) > height as usize)
+            .any(|&column| filled(&mut (v..v + height).map(|row| (column, row))) >= FURTHER_SHARE * f64::from(height))
 }

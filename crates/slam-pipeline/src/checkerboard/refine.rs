@@ -6,18 +6,19 @@
 //!
 //!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),   d_k = (-sin a_k, cos a_k) . (p - c)
 //!
-//! The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a disc. All pixels along
+//! The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
+//! the squares ([`Window`]). All pixels along
 //! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
 //! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
 //! uses the same pixels with weights that grow with noise. For edges at a right angle under one blur the product is
 //! exact; for others it is not, but model and image both map to themselves by a half turn about c, so nothing
 //! pulls c aside. Two widths let motion blur spread one edge more than the other.
 //!
-//! Steps: start from the saddle and its edges; fit; give up when the fit leaves the disc, flips its contrast or
+//! Steps: start from the saddle and its edges; fit; give up when the fit leaves the window, flips its contrast or
 //! has no positive definite normal matrix.
 //!
-//! Degenerate: a disc that contains a neighbouring corner (the caller keeps it within 0.4 squares); edges bent by
-//! the lens within the disc, which moves c by about a third of their sagitta (the caller keeps it small against the bending).
+//! Degenerate: a window that contains a neighbouring corner (it ends at 0.4 squares); edges bent by
+//! the lens within the window, which moves c by about a third of their sagitta (0.01 px on a lens that bends the image by 10 px).
 
 use nalgebra::{SMatrix, SVector};
 
@@ -31,8 +32,46 @@ const MOST_ITERATIONS: usize = 40;
 const SMALLEST_STEP_PX: f64 = 1e-4;
 /// Blur that is believed, pixels: a pixel's own square has 0.29.
 const WIDTH_RANGE: (f64, f64) = (0.2, 8.0);
-/// Least share of the disc that lies on the image.
+/// Share of a square around a corner in which no other corner shows.
+const OWN_SHARE: f64 = 0.4;
+/// Least share of the window that lies on the image.
 const LEAST_INSIDE: f64 = 0.6;
+
+/// The pixels a corner is fitted to: an ellipse in the axes of its squares, cut by a disc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    /// Pixels to squares, row by row.
+    squares: [f64; 4],
+    /// Radius of the disc, pixels.
+    reach: f64,
+}
+
+impl Window {
+    /// From the sides of a square at the corner, pixels; `None` when they are parallel.
+    ///
+    /// Within [`OWN_SHARE`] of a square no other corner shows, however the board is tilted; beyond a fifth of one the
+    /// bending of the lens would.
+    pub(super) fn new(side: [f64; 2], other: [f64; 2]) -> Option<Window> {
+        let determinant = side[0] * other[1] - side[1] * other[0];
+        let longer = side[0].hypot(side[1]).max(other[0].hypot(other[1]));
+        (determinant.abs() > f64::EPSILON * longer * longer).then(|| Window {
+            squares: [other[1], -other[0], -side[1], side[0]].map(|entry| entry / determinant),
+            reach: (0.2 * longer).clamp(6.0, 24.0),
+        })
+    }
+
+    /// Half the narrow way across, pixels.
+    pub(super) fn narrowest(&self) -> f64 {
+        let [a, b, c, d] = self.squares;
+        // The largest singular value is below the Frobenius norm and above 0.7 of it.
+        (OWN_SHARE / (a * a + b * b + c * c + d * d).sqrt()).min(self.reach)
+    }
+
+    fn holds(&self, x: f64, y: f64) -> bool {
+        let [a, b, c, d] = self.squares;
+        (a * x + b * y).hypot(c * x + d * y) <= OWN_SHARE && x.hypot(y) <= self.reach
+    }
+}
 
 /// A fitted corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,23 +80,44 @@ pub(super) struct Fit {
     pub(super) position: [f64; 2],
     /// Directions of the two edges, radians.
     pub(super) directions: [f64; 2],
+    /// Number of pixels in the window.
+    pub(super) pixels: usize,
+    /// Bright minus dark, grey levels.
+    pub(super) contrast: f64,
     /// Standard deviations of the edges' blur, pixels.
     pub(super) widths: [f64; 2],
     /// Standard deviation of the position by the fit, root mean square of x and y, pixels.
     pub(super) sigma_px: f64,
 }
 
-/// Fits the corner near `position` with edges near `directions`, over the pixels within `radius`.
+/// What a fit may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Freedom {
+    /// All ten parameters.
+    Full,
+    /// The blur is that given and the ground level: for windows of few pixels, where these follow the noise.
+    Stiff,
+}
+
+impl Freedom {
+    fn holds(self, parameter: usize) -> bool {
+        self == Freedom::Stiff && matches!(parameter, 4 | 5 | 8 | 9)
+    }
+}
+
+/// Fits the corner near `position` with edges near `directions`, over the pixels of `window`.
 pub(super) fn fit(
     plane: &Plane,
     position: [f64; 2],
     directions: [f64; 2],
     width: f64,
-    radius: f64,
+    window: &Window,
+    freedom: Freedom,
 ) -> Option<Fit> {
-    let pixels = disc(plane, position, radius)?;
+    let pixels = inside(plane, position, window)?;
+    let furthest = window.narrowest();
     let mut state = start(&pixels, position, directions, width)?;
-    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state);
+    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state, freedom);
     let mut damping = 1e-3;
     let mut settled = false;
     for _ in 0..MOST_ITERATIONS {
@@ -70,10 +130,10 @@ pub(super) fn fit(
         for k in 4..6 {
             next[k] = next[k].clamp(WIDTH_RANGE.0.ln(), WIDTH_RANGE.1.ln());
         }
-        if (next[0] - position[0]).hypot(next[1] - position[1]) > 0.5 * radius {
+        if (next[0] - position[0]).hypot(next[1] - position[1]) > furthest {
             return None;
         }
-        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next);
+        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next, freedom);
         if next_cost.is_finite() && next_cost <= cost {
             let moved = step[0].hypot(step[1]);
             (state, normal, gradient, cost) = (next, next_normal, next_gradient, next_cost);
@@ -92,7 +152,8 @@ pub(super) fn fit(
         }
     }
     let factor = normal.cholesky()?;
-    let variance = cost / (pixels.len() - N) as f64;
+    let estimated = (0..N).filter(|&k| !freedom.holds(k)).count();
+    let variance = cost / (pixels.len() - estimated) as f64;
     let spread = |axis: usize| {
         let mut unit = SVector::<f64, N>::zeros();
         unit[axis] = 1.0;
@@ -103,30 +164,33 @@ pub(super) fn fit(
     (settled && upright && sigma_px.is_finite()).then(|| Fit {
         position: [state[0], state[1]],
         directions: [state[2], state[3]],
+        contrast: 2.0 * state[6].abs(),
+        pixels: pixels.len(),
         widths: [state[4].exp(), state[5].exp()],
         sigma_px,
     })
 }
 
-/// (x, y, grey level) of the pixels of a disc.
-fn disc(plane: &Plane, centre: [f64; 2], radius: f64) -> Option<Vec<[f64; 3]>> {
-    let range = |middle: f64, side: usize| {
-        let low = (middle - radius).ceil().max(0.0);
-        let high = (middle + radius).floor().min(side as f64 - 1.0);
-        (low <= high).then(|| low as usize..=high as usize)
-    };
-    let columns = range(centre[0], plane.width)?;
-    let mut pixels = Vec::new();
-    for y in range(centre[1], plane.height)? {
-        for x in columns.clone() {
-            let (dx, dy) = (x as f64 - centre[0], y as f64 - centre[1]);
-            if dx * dx + dy * dy <= radius * radius {
-                pixels.push([x as f64, y as f64, f64::from(plane.at(x, y))]);
+/// (x, y, grey level) of the pixels of a window.
+fn inside(plane: &Plane, centre: [f64; 2], window: &Window) -> Option<Vec<[f64; 3]>> {
+    let reach = window.reach.ceil() as i64;
+    let (middle_x, middle_y) = (centre[0].round() as i64, centre[1].round() as i64);
+    let (mut pixels, mut all) = (Vec::new(), 0_usize);
+    for y in middle_y - reach..=middle_y + reach {
+        for x in middle_x - reach..=middle_x + reach {
+            if !window.holds(x as f64 - centre[0], y as f64 - centre[1]) {
+                continue;
+            }
+            all += 1;
+            if let (Ok(column), Ok(row)) = (usize::try_from(x), usize::try_from(y))
+                && column < plane.width
+                && row < plane.height
+            {
+                pixels.push([x as f64, y as f64, f64::from(plane.at(column, row))]);
             }
         }
     }
-    let area = std::f64::consts::PI * radius * radius;
-    (pixels.len() > 2 * N && pixels.len() as f64 >= LEAST_INSIDE * area).then_some(pixels)
+    (pixels.len() > 2 * N && pixels.len() as f64 >= LEAST_INSIDE * all as f64).then_some(pixels)
 }
 
 /// The level and contrast that fit best with the geometry given.
@@ -163,6 +227,7 @@ fn start(
 fn linearised(
     pixels: &[[f64; 3]],
     state: &SVector<f64, N>,
+    freedom: Freedom,
 ) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
     let mut normal = SMatrix::<f64, N, N>::zeros();
     let mut gradient = SVector::<f64, N>::zeros();
@@ -182,6 +247,12 @@ fn linearised(
         for j in 0..i {
             normal[(j, i)] = normal[(i, j)];
         }
+    }
+    for k in (0..N).filter(|&k| freedom.holds(k)) {
+        normal.row_mut(k).fill(0.0);
+        normal.column_mut(k).fill(0.0);
+        normal[(k, k)] = 1.0;
+        gradient[k] = 0.0;
     }
     (normal, gradient, cost)
 }
@@ -260,6 +331,20 @@ mod tests {
         }
     }
 
+    fn wide() -> Window {
+        Window::new([38.0, 6.0], [-5.0, 40.0]).unwrap()
+    }
+
+    #[test]
+    fn the_window_follows_the_squares() {
+        let slanted = Window::new([20.0, 0.0], [4.0, 8.0]).unwrap();
+        // 0.39 of either side is inside, 0.41 is not; the disc of 6 px cuts the long one.
+        assert!(slanted.holds(0.39 * 4.0, 0.39 * 8.0) && !slanted.holds(0.41 * 4.0, 0.41 * 8.0));
+        assert!(slanted.holds(5.9, 0.0) && !slanted.holds(6.1, 0.0));
+        assert!(slanted.narrowest() > 2.5 && slanted.narrowest() < 3.3);
+        assert!(Window::new([3.0, 1.0], [6.0, 2.0]).is_none());
+    }
+
     #[test]
     fn derivatives_agree_with_differences() {
         let truth = state();
@@ -285,7 +370,7 @@ mod tests {
     #[test]
     fn an_image_of_the_model_gives_its_parameters_back() {
         let truth = state();
-        let found = fit(&plane(&truth), [13.1, 11.0], [0.2, 1.85], 1.0, 8.0).unwrap();
+        let found = fit(&plane(&truth), [13.1, 11.0], [0.2, 1.85], 1.0, &wide(), Freedom::Full).unwrap();
         assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
         assert!((found.position[1] - 11.6).abs() < 1e-4);
         assert!((found.directions[1] - 1.7).abs() < 1e-3);
@@ -294,11 +379,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stiff_fit_finds_the_place_in_a_small_window() {
+        let mut truth = state();
+        (truth[4], truth[5], truth[8], truth[9]) = (1.1_f64.ln(), 1.1_f64.ln(), 0.0, 0.0);
+        let small = Window::new([16.0, 5.0], [-2.0, 7.5]).unwrap();
+        let place = [12.7, 11.3];
+        let found = fit(&plane(&truth), place, [0.2, 1.85], 1.1, &small, Freedom::Stiff).unwrap();
+        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
+        assert!((found.position[1] - 11.6).abs() < 1e-4);
+        assert!((found.widths[0] - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_flat_or_cropped_disc_is_no_corner() {
         let mut flat = plane(&state());
         flat.values.fill(80.0);
-        assert!(fit(&flat, [12.0, 12.0], [0.2, 1.8], 1.0, 8.0).is_none());
-        assert!(fit(&plane(&state()), [0.5, 0.5], [0.2, 1.8], 1.0, 8.0).is_none());
+        assert!(fit(&flat, [12.0, 12.0], [0.2, 1.8], 1.0, &wide(), Freedom::Full).is_none());
+        assert!(fit(&plane(&state()), [0.5, 0.5], [0.2, 1.8], 1.0, &wide(), Freedom::Full).is_none());
     }
 
     #[test]

@@ -385,8 +385,8 @@ fn distortion(run: &CalibrationRun) -> String {
     let note = match camera.distortion() {
         Distortion::None => "The model has no lens.".to_string(),
         _ => format!(
-            "Radial part. At the outermost corner the lens moves a point by {:.1} px; negative is towards the centre (barrel).",
-            moved(known)
+            "Radial part. At the outermost corner the lens moves a point by {} px; negative is towards the centre (barrel).",
+            format!("{:.1}", moved(known)).replace('-', "\u{2212}")
         ),
     };
     card(&plot, &note, "")

@@ -51,15 +51,15 @@ pub(super) fn cards(run: &CalibrationRun) -> String {
         ));
     }
     if let (Some(cx), Some(cy)) = (estimate("cx"), estimate("cy")) {
-        let short = |value: f64| format!("{value:.1}");
+        let short = |value: f64| format!("{value:.0}");
         cards.push((
             "Centre",
             format!("{}, {}", short(cx.0), short(cy.0)),
-            format!(
-                "px; ± {} and ± {}",
-                with_sigma(cx.0, cx.1).1,
-                with_sigma(cy.0, cy.1).1
-            ),
+            {
+                let ((x, x_sigma), (y, y_sigma)) =
+                    (with_sigma(cx.0, cx.1), with_sigma(cy.0, cy.1));
+                format!("{x} ± {x_sigma}, {y} ± {y_sigma} px")
+            },
         ));
     }
     let field = 2.0 * calibration.max_corner_radius.atan().to_degrees();
@@ -117,7 +117,8 @@ pub(super) fn doubts(run: &CalibrationRun) -> String {
         } else {
             text.clone()
         };
-        let _ = writeln!(html, "<li>{}.</li>", escape(sentence.trim_end_matches('.')));
+        let end = if sentence.ends_with('?') { "" } else { "." };
+        let _ = writeln!(html, "<li>{}{end}</li>", escape(&sentence));
     }
     html.push_str("</ul>\n");
     html
