@@ -4,9 +4,9 @@
 //! cannot be read and images without a whole board are kept by name with the reason ([`Outcome`]); the corners of the
 //! others go to [`mono_geometry::calibration`]; [`camera_toml`] writes the result for a sequence folder.
 //!
-//! All corners weigh the same: what is left of a real corner's error (print, flatness of the board, compression) is many times what
-//! its own fit tells, so weights by the fit would promise more than they know. The standard deviations of the
-//! result come from the residuals.
+//! A corner weighs by the standard deviation of its own fit and [`FLOOR_PX`] together: corners of small or blurred squares are
+//! several times worse than those of large sharp ones. Only the ratios count; the scale of the standard deviations of the
+//! result comes from the residuals.
 //!
 //! Same result for any number of threads: each image is alone, and results keep the order of the files.
 
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use mono_geometry::calibration::{
-    Calibration, CalibrationError, CalibrationOptions, CalibrationView, LensModel, calibrate,
+    Calibration, CalibrationError, CalibrationOptions, CalibrationView, Corner, LensModel, calibrate,
 };
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -27,6 +27,9 @@ pub use camera_file::camera_toml;
 
 /// Fewest boards that are calibrated from: two leave the centre or the lens open in most cases.
 pub const LEAST_BOARDS: usize = 3;
+
+/// Error of a corner that its fit does not know, pixels: RMS against the truth in rendered images without noise.
+const FLOOR_PX: f64 = 0.01;
 
 /// What was photographed, and which camera is wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -284,12 +287,18 @@ fn view(board: &FoundBoard, settings: &CalibrationSettings) -> CalibrationView {
     let on_board: Vec<Vector2<f64>> = (0..board.corners.len())
         .map(|k| Vector2::new((k % columns) as f64, (k / columns) as f64) * settings.square_m)
         .collect();
-    let pixels: Vec<Vector2<f64>> = board
-        .corners
-        .iter()
-        .map(|corner| Vector2::new(corner[0], corner[1]))
-        .collect();
-    CalibrationView::new(&on_board, &pixels, 1.0)
+    let found = board.corners.iter().zip(&board.sigmas_px);
+    CalibrationView {
+        corners: on_board
+            .into_iter()
+            .zip(found)
+            .map(|(board_m, (corner, sigma_px))| Corner {
+                board_m,
+                pixel: Vector2::new(corner[0], corner[1]),
+                sigma_px: sigma_px.hypot(FLOOR_PX),
+            })
+            .collect(),
+    }
 }
 
 /// (reason, count, first file), most frequent first.

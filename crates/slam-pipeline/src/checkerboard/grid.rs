@@ -9,8 +9,8 @@
 //! Geiger, Moosmann, Car and Schuster, ICRA 2012, whose energy over triples is replaced by the test of the edges).
 //!
 //! Steps: links; coordinates by walking over the links from every corner not yet visited, turning with the corners'
-//! own edges (0, 1, 2, 3 are +u, +v, -u, -v in the sense of growing angles, so (u, v) is never mirrored); holes and rims
-//! filled by looking again, less strictly, where the neighbours say a corner must be.
+//! own edges (0, 1, 2, 3 are +u, +v, -u, -v in the sense of growing angles, so (u, v) is never mirrored); corners out of line
+//! taken out ([`prune`]); holes and rims filled by looking again, less strictly, where the neighbours say a corner must be.
 //!
 //! Degenerate: a walk that reaches a corner with two different coordinates keeps the first; two corners at one
 //! coordinate likewise. Both leave a hole, which the caller reports.
@@ -40,6 +40,8 @@ const EDGE_SHARE: f64 = 0.3;
 const SEARCH_SHARE: f64 = 0.3;
 /// Response that suffices where a corner is expected, grey levels a squared pixel.
 const EXPECTED_RESPONSE: f32 = 0.7;
+/// Largest second difference of three corners in a row, as a share of the shorter step.
+const BEND_SHARE: f64 = 0.6;
 /// Largest coordinate; more is a texture, not a board.
 const FURTHEST: i32 = 200;
 
@@ -157,6 +159,58 @@ fn walk(links: &Links, start: usize, visited: &mut [bool]) -> Grid {
         }
     }
     grid
+}
+
+/// Takes out corners that do not lie in line with their neighbours, the worst first.
+///
+/// A false corner breaks [`in_line`] in every row of three it is part of, its neighbours only in those they share with
+/// it: the corner goes whose rows are broken to the largest share, then in the largest number.
+pub(super) fn prune(stars: &[Star], grid: &mut Grid) {
+    loop {
+        let mut rows: BTreeMap<Cell, (usize, usize)> = BTreeMap::new();
+        for &cell in grid.keys() {
+            for direction in 0..2 {
+                let trio = [0, 1, 2].map(|steps| beside(cell, direction, steps));
+                let places = trio.map(|place| Some(stars[grid.get(&place)?.0].position));
+                if let [Some(a), Some(b), Some(c)] = places {
+                    for place in trio {
+                        let entry = rows.entry(place).or_default();
+                        *entry = (entry.0 + usize::from(!in_line(a, b, c)), entry.1 + 1);
+                    }
+                }
+            }
+        }
+        let share = |entry: &(usize, usize)| entry.0 as f64 / entry.1 as f64;
+        let worst = rows
+            .iter()
+            .filter(|(_, entry)| entry.0 > 0)
+            .max_by(|a, b| share(a.1).total_cmp(&share(b.1)).then(a.1.0.cmp(&b.1.0)));
+        match worst {
+            Some((&cell, _)) => grid.remove(&cell),
+            None => return,
+        };
+    }
+}
+
+/// Whether the second difference of three corners in a row is at most [`BEND_SHARE`] of the shorter step, as it is whatever
+/// perspective and lens do.
+fn in_line(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
+    let bend = (a[0] - 2.0 * b[0] + c[0]).hypot(a[1] - 2.0 * b[1] + c[1]);
+    bend <= BEND_SHARE * distance(a, b).min(distance(b, c))
+}
+
+/// Whether a corner at `position` would be in line with all rows of `cell`.
+fn lines_up(stars: &[Star], grid: &Grid, cell: Cell, position: [f64; 2]) -> bool {
+    let place = |direction: usize, steps: i32| {
+        Some(stars[grid.get(&beside(cell, direction, steps))?.0].position)
+    };
+    (0..4).all(|direction| {
+        let ahead = place(direction, 1);
+        let further = ahead.zip(place(direction, 2));
+        let across = ahead.zip(place(direction + 2, 1));
+        further.is_none_or(|(one, two)| in_line(position, one, two))
+            && across.is_none_or(|(one, other)| in_line(one, position, other))
+    })
 }
 
 /// Adds corners beside those of the grid until there is no more to find; new stars go to the end of `stars`.
@@ -284,6 +338,9 @@ fn fits(
     cell: Cell,
     candidate: &Star,
 ) -> Option<usize> {
+    if !lines_up(stars, grid, cell, candidate.position) {
+        return None;
+    }
     let mut agreed = None;
     for direction in 0..4 {
         let Some(&(other, other_turned)) = grid.get(&beside(cell, direction, 1)) else {

@@ -259,7 +259,9 @@ fn at_level(levels: &[Plane], size: BoardSize) -> Result<FoundBoard, NotFound> {
         if grid.values().any(|entry| taken.contains(&entry.0)) {
             continue;
         }
+        grid::prune(&stars, grid);
         grid::complete(&blurred, &response, &mut stars, grid);
+        grid::prune(&stars, grid);
         taken.extend(grid.values().map(|entry| entry.0));
         match numbering::numbered(size, &stars, grid) {
             Ok(order) => boards.push(order),

@@ -192,16 +192,3 @@ fn two_boards_and_no_board_are_refused() {
         assert!(find_board(&nothing.image, size).is_err(), "{index}");
     }
 }
-
-#[test]
-fn zz_debug() {
-    let p = picture(&BOARD, 480, &Look::default(), 0.62, 1.1, 0.0);
-    println!("{:?}", find_board(&p.image, BOARD.size).map(|f| worst(&f.corners, &p.corners)));
-    for (k, picture) in pictures(&BOARD, 480, &Look { blur_px: 2.0, ..Look::default() }, 6, 102).iter().enumerate() {
-        let f = find_board(&picture.image, BOARD.size).unwrap();
-        for (i, (a, b)) in f.corners.iter().zip(&picture.corners).enumerate() {
-            let e = (a[0] - b[0]).hypot(a[1] - b[1]);
-            if e > 0.15 { println!("pic {k} corner {i} err {e} sigma {} at {b:?} next {:?} level {} blur {}", f.sigmas_px[i], picture.corners[(i + 1) % 54], f.level, f.blur_px); }
-        }
-    }
-}
