@@ -2,7 +2,7 @@
 
 use mono_geometry::calibration::{
     Calibration, CalibrationError, CalibrationOptions, CalibrationView, CalibrationWarning,
-    IntrinsicsStart, LensModel, SkipReason, Skew, Termination, calibrate, closed_form_intrinsics,
+    IntrinsicsStart, LensModel, Skew, SkipReason, Termination, calibrate, closed_form_intrinsics,
     focal_length_from_centre, pose_from_homography,
 };
 use mono_geometry::{Camera, Distortion, Homography, Pinhole, RobustLoss, Se3, homography, so3};
@@ -109,7 +109,11 @@ fn see(camera: &Camera, pose: &Se3) -> Vec<Option<Vector2<f64>>> {
     points.iter().map(project).collect()
 }
 
-fn views(camera: &Camera, poses: &[Se3], noise: Option<(f64, &mut ChaCha8Rng)>) -> Vec<CalibrationView> {
+fn views(
+    camera: &Camera,
+    poses: &[Se3],
+    noise: Option<(f64, &mut ChaCha8Rng)>,
+) -> Vec<CalibrationView> {
     let mut noise = noise;
     let sigma = noise.as_ref().map_or(1.0, |n| n.0);
     poses
@@ -156,10 +160,23 @@ fn noise_free_corners_give_the_camera_back() {
     ] {
         let poses = poses(&camera, 10, 3);
         let calibration = run(&views(&camera, &poses, None), model);
-        println!("{model:?} {:?} {:?} {} {:e}\n{:?}", calibration.start, calibration.termination, calibration.cost_curve.len(), calibration.rms_px, calibration.parameters);
-        for w in &calibration.warnings { println!("  {w}"); }
+        println!(
+            "{model:?} {:?} {:?} {} {:e}\n{:?}",
+            calibration.start,
+            calibration.termination,
+            calibration.cost_curve.len(),
+            calibration.rms_px,
+            calibration.parameters
+        );
+        for w in &calibration.warnings {
+            println!("  {w}");
+        }
         println!("{:e}", errors(&calibration, &camera).amax());
-        assert!(calibration.rms_px < 1e-9, "{model:?} {}", calibration.rms_px);
+        assert!(
+            calibration.rms_px < 1e-9,
+            "{model:?} {}",
+            calibration.rms_px
+        );
         let e = errors(&calibration, &camera);
         for k in 0..4 {
             assert!(e[k].abs() < tolerance * 500.0, "{model:?} {e}");

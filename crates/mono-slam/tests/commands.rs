@@ -261,10 +261,16 @@ fn calibrate_writes_a_camera_and_a_page() {
         text.starts_with("8 boards in 9 images of 320x240 pixels\nnot used: "),
         "{text}"
     );
-    assert!(text.contains("blank.png: no corner of a checkerboard\n"), "{text}");
+    assert!(
+        text.contains("blank.png: no corner of a checkerboard\n"),
+        "{text}"
+    );
     assert!(output.stderr.is_empty());
     let camera = fs::read_to_string(&out).unwrap();
-    assert!(camera.contains("[distortion]\nmodel = \"radtan\"\nk1 = "), "{camera}");
+    assert!(
+        camera.contains("[distortion]\nmodel = \"radtan\"\nk1 = "),
+        "{camera}"
+    );
     let page = fs::read_to_string(scratch.path().join("camera.html")).unwrap();
     assert!(page.contains("<h1>Camera calibration</h1>") && page.contains("blank.png"));
     // Equal images, equal bytes.
@@ -272,7 +278,12 @@ fn calibrate_writes_a_camera_and_a_page() {
     assert_eq!(again.stdout, output.stdout);
     assert_eq!(fs::read_to_string(&out).unwrap(), camera);
     for model in ["pinhole", "radtan4", "kannala-brandt"] {
-        assert_eq!(code(&arguments(model)), 0, "{model}: {}", stderr(&arguments(model)));
+        assert_eq!(
+            code(&arguments(model)),
+            0,
+            "{model}: {}",
+            stderr(&arguments(model))
+        );
     }
 }
 
@@ -285,7 +296,14 @@ fn calibrate_refuses_in_one_sentence() {
     let first = Path::new(&images).join("board_00.png");
     let calibrate = |image: &str, board: &str, square: &str| {
         mono_slam(&[
-            "calibrate", image, "--board", board, "--square", square, "--out", out,
+            "calibrate",
+            image,
+            "--board",
+            board,
+            "--square",
+            square,
+            "--out",
+            out,
         ])
     };
     assert_refused(
@@ -299,7 +317,11 @@ fn calibrate_refuses_in_one_sentence() {
         "0 boards in 8 images, required: at least 3 (",
     );
     let nothing = scratch.path().to_str().unwrap();
-    assert_refused(&calibrate(nothing, "9x6", "0.04"), 2, "expected at least one .png");
+    assert_refused(
+        &calibrate(nothing, "9x6", "0.04"),
+        2,
+        "expected at least one .png",
+    );
     for (board, square) in [("9", "0.04"), ("9x6", "0"), ("9x6", "nan")] {
         let output = calibrate(&images, board, square);
         assert_eq!(code(&output), 2);

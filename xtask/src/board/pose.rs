@@ -71,6 +71,7 @@ fn visible(board: &Board, camera: &Camera, pose: &Se3) -> bool {
     }
     (0..columns * rows).all(|k| {
         let apart = |other: usize| (pixels[k] - pixels[other]).norm() >= SPACING_PX;
-        (k % columns + 1 == columns || apart(k + 1)) && (k / columns + 1 == rows || apart(k + columns))
+        (k % columns + 1 == columns || apart(k + 1))
+            && (k / columns + 1 == rows || apart(k + columns))
     })
 }

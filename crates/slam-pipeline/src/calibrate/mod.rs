@@ -16,7 +16,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use mono_geometry::calibration::{
-    Calibration, CalibrationError, CalibrationOptions, CalibrationView, Corner, LensModel, calibrate,
+    Calibration, CalibrationError, CalibrationOptions, CalibrationView, Corner, LensModel,
+    calibrate,
 };
 use nalgebra::Vector2;
 use rayon::prelude::*;

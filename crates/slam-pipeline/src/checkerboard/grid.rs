@@ -214,12 +214,7 @@ fn lines_up(stars: &[Star], grid: &Grid, cell: Cell, position: [f64; 2]) -> bool
 }
 
 /// Adds corners beside those of the grid until there is no more to find; new stars go to the end of `stars`.
-pub(super) fn complete(
-    blurred: &Plane,
-    response: &Plane,
-    stars: &mut Vec<Star>,
-    grid: &mut Grid,
-) {
+pub(super) fn complete(blurred: &Plane, response: &Plane, stars: &mut Vec<Star>, grid: &mut Grid) {
     // Every pass adds a corner or ends; a board has a few thousand at most.
     loop {
         let mut added = false;
@@ -270,9 +265,8 @@ fn predicted(stars: &[Star], grid: &Grid, cell: Cell) -> Option<([f64; 2], f64)>
         }
     }
     let spacing = guesses.iter().map(|guess| guess.1).reduce(f64::min)?;
-    let mean = [0, 1].map(|axis| {
-        guesses.iter().map(|guess| guess.0[axis]).sum::<f64>() / guesses.len() as f64
-    });
+    let mean = [0, 1]
+        .map(|axis| guesses.iter().map(|guess| guess.0[axis]).sum::<f64>() / guesses.len() as f64);
     Some((mean, spacing))
 }
 

@@ -8,7 +8,7 @@
 //! 3. `star`: the four edges that leave a corner, and its bright squares.
 //! 4. `grid`: neighbours along edges, whole coordinates, holes filled.
 //! 5. `numbering`: the window of the board's size, and which corner comes first.
-//! 6. `refine`: a model of the corner fitted to the pixels.
+//! 6. `measure`, `refine`: a model of the corner fitted to the pixels.
 //!
 //! Levels are tried from the one whose longer side is at most [`FIRST_SIDE_PX`], first towards finer ones (small squares),
 //! then towards coarser ones (blurred images). The fit starts at the level where the board was found and moves to finer
@@ -23,6 +23,7 @@
 //! 2012; Bennett, Lasenby, "ChESS: quick and robust detection of chess-board features", CVIU 118, 2014.
 
 mod grid;
+mod measure;
 mod numbering;
 mod plane;
 mod refine;
@@ -34,23 +35,13 @@ use std::str::FromStr;
 
 use crate::sequence::GreyImage;
 use grid::Grid;
-use plane::{Plane, from_finest, to_finest};
-use refine::{Freedom, Window};
+use plane::Plane;
 use star::Star;
 
 /// Longer side of the level that is looked at first, pixels: saddles are narrow there, and noise is averaged.
 const FIRST_SIDE_PX: usize = 1280;
 /// Shorter side below which no level goes, pixels.
 const LEAST_SIDE_PX: usize = 60;
-/// Half the narrow way across the smallest window a corner is fitted in, pixels of its level.
-const LEAST_WINDOW_PX: f64 = 2.0;
-/// Pixels below which blur and ground are not fitted corner by corner: eight a parameter.
-const FEW_PIXELS: usize = 80;
-/// Share of the contrast seen around a corner that its fit must find.
-const CONTRAST_SHARE: f64 = 0.4;
-/// Edge blur above which a finer level shows nothing more, pixels.
-const SHARP_PX: f64 = 1.2;
-
 /// Inner corners of a board: a board of 10 x 7 squares has 9 x 6.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BoardSize {
@@ -273,117 +264,12 @@ fn at_level(levels: &[Plane], size: BoardSize) -> Result<FoundBoard, NotFound> {
         [] => Err(reason),
         [order] => {
             let corners: Vec<Star> = order.iter().map(|&star| stars[star]).collect();
-            measured(levels, &corners, size)
+            measure::measured(levels, &corners, size)
         }
         several => Err(NotFound::Several {
             boards: several.len(),
         }),
     }
-}
-
-/// Corners fitted at the last of `levels`, then at finer ones while their edges look sharp.
-fn measured(levels: &[Plane], corners: &[Star], size: BoardSize) -> Result<FoundBoard, NotFound> {
-    let found_at = levels.len() as u32 - 1;
-    let mut positions: Vec<[f64; 2]> = corners
-        .iter()
-        .map(|corner| to_finest(corner.position, found_at))
-        .collect();
-    let mut directions: Vec<[f64; 2]> = corners
-        .iter()
-        .map(|corner| {
-            // Edges 0 and 2 are one line, 1 and 3 the other.
-            [0, 1].map(|line| {
-                corner.rays[line]
-                    + 0.5 * star::turn(corner.rays[line + 2] - std::f64::consts::PI - corner.rays[line])
-            })
-        })
-        .collect();
-    let mut best = None;
-    let mut width = 0.8;
-    for level in (0..=found_at).rev() {
-        let factor = f64::from(1_u32 << level);
-        let Some(windows) = windows(&positions, size, factor) else {
-            return best.ok_or(NotFound::Unmeasurable {
-                corners: positions.len(),
-            });
-        };
-        let narrow = |window: &Window| window.narrowest() < LEAST_WINDOW_PX;
-        if level > 0 && windows.iter().any(narrow) {
-            // Squares too small to be measured here; the next level has twice the pixels.
-            continue;
-        }
-        let fit = |k: usize, width: f64, freedom: Freedom| {
-            let place = from_finest(positions[k], level);
-            let plane = &levels[level as usize];
-            refine::fit(plane, place, directions[k], width, &windows[k], freedom)
-                .filter(|fit| fit.contrast >= CONTRAST_SHARE * corners[k].contrast)
-        };
-        let free: Vec<Option<refine::Fit>> = (0..positions.len())
-            .map(|k| fit(k, width, Freedom::Full))
-            .collect();
-        // Corners with few pixels, and those that got lost, take the blur from the others.
-        let usual = median(free.iter().flatten().flat_map(|fit| fit.widths).collect());
-        let usual = if usual.is_finite() { usual } else { width };
-        let fits: Vec<Option<refine::Fit>> = free
-            .into_iter()
-            .enumerate()
-            .map(|(k, found)| match found {
-                Some(found) if found.pixels >= FEW_PIXELS => Some(found),
-                _ => fit(k, usual, Freedom::Stiff),
-            })
-            .collect();
-        let failed = fits.iter().filter(|fit| fit.is_none()).count();
-        if failed > 0 {
-            // The coarser level stands, when there is one.
-            return best.ok_or(NotFound::Unmeasurable { corners: failed });
-        }
-        let fits: Vec<refine::Fit> = fits.into_iter().flatten().collect();
-        for (k, fit) in fits.iter().enumerate() {
-            positions[k] = to_finest(fit.position, level);
-            directions[k] = fit.directions;
-        }
-        let blur = median(fits.iter().flat_map(|fit| fit.widths).collect());
-        best = Some(FoundBoard {
-            corners: positions.clone(),
-            sigmas_px: fits.iter().map(|fit| factor * fit.sigma_px).collect(),
-            blur_px: factor * blur,
-            level: found_at,
-        });
-        if blur > SHARP_PX {
-            break;
-        }
-        width = 2.0 * blur;
-    }
-    best.ok_or(NotFound::Unmeasurable {
-        corners: positions.len(),
-    })
-}
-
-/// Window each corner is fitted in, at a level `factor` times smaller; `None` when its squares have no area.
-fn windows(positions: &[[f64; 2]], size: BoardSize, factor: f64) -> Option<Vec<Window>> {
-    let side = |k: usize, place: usize, count: usize, stride: usize| {
-        let (before, after) = (place > 0, place + 1 < count);
-        let (from, to) = (
-            if before { k - stride } else { k },
-            if after { k + stride } else { k },
-        );
-        let steps = if before && after { 2.0 } else { 1.0 };
-        [0, 1].map(|axis| (positions[to][axis] - positions[from][axis]) / (steps * factor))
-    };
-    (0..positions.len())
-        .map(|k| {
-            let (column, row) = (k % size.columns, k / size.columns);
-            Window::new(
-                side(k, column, size.columns, 1),
-                side(k, row, size.rows, size.columns),
-            )
-        })
-        .collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

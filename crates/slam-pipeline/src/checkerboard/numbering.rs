@@ -143,9 +143,9 @@ fn has_neighbour_row(window: &Window, grid: &Grid) -> bool {
     };
     let rows = [v - 1, v + height];
     let columns = [u - 1, u + width];
-    rows.iter()
-        .any(|&row| filled(&mut (u..u + width).map(|column| (column, row))) >= FURTHER_SHARE * f64::from(width))
-        || columns
-            .iter()
-            .any(|&column| filled(&mut (v..v + height).map(|row| (column, row))) >= FURTHER_SHARE * f64::from(height))
+    rows.iter().any(|&row| {
+        filled(&mut (u..u + width).map(|column| (column, row))) >= FURTHER_SHARE * f64::from(width)
+    }) || columns.iter().any(|&column| {
+        filled(&mut (v..v + height).map(|row| (column, row))) >= FURTHER_SHARE * f64::from(height)
+    })
 }

@@ -4,9 +4,10 @@
 //!
 //! Two straight edges through c with directions a_1, a_2, blurred by Gaussians s_1, s_2, on a slanted ground:
 //!
-//!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),   d_k = (-sin a_k, cos a_k) . (p - c)
+//!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),
+//!   d_k = (-sin a_k, cos a_k) . (p - c) - b_k / 2 ((cos a_k, sin a_k) . (p - c))^2
 //!
-//! The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
+//! The bends b_k of the edges are given ([`super::measure`]). The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
 //! the squares ([`Window`]). All pixels along
 //! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
 //! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
@@ -17,8 +18,8 @@
 //! Steps: start from the saddle and its edges; fit; give up when the fit leaves the window, flips its contrast or
 //! has no positive definite normal matrix.
 //!
-//! Degenerate: a window that contains a neighbouring corner (it ends at 0.4 squares); edges bent by
-//! the lens within the window, which moves c by about a third of their sagitta (0.01 px on a lens that bends the image by 10 px).
+//! Degenerate: a window that contains a neighbouring corner (it ends at 0.4 squares); a corner without edges on
+//! one side of the image border.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -105,19 +106,31 @@ impl Freedom {
     }
 }
 
-/// Fits the corner near `position` with edges near `directions`, over the pixels of `window`.
-pub(super) fn fit(
-    plane: &Plane,
-    position: [f64; 2],
-    directions: [f64; 2],
-    width: f64,
-    window: &Window,
-    freedom: Freedom,
-) -> Option<Fit> {
+/// Where a fit starts, pixels of the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shape {
+    /// The corner.
+    pub(super) position: [f64; 2],
+    /// Directions of its two edges, radians.
+    pub(super) directions: [f64; 2],
+    /// Curvatures of the edges towards (-sin, cos) of their directions, held.
+    pub(super) bends: [f64; 2],
+    /// Standard deviation of the blur.
+    pub(super) width: f64,
+}
+
+/// Fits a corner from its start over the pixels of `window`.
+pub(super) fn fit(plane: &Plane, shape: &Shape, window: &Window, freedom: Freedom) -> Option<Fit> {
+    let &Shape {
+        position,
+        directions,
+        bends,
+        width,
+    } = shape;
     let pixels = inside(plane, position, window)?;
     let furthest = window.narrowest();
-    let mut state = start(&pixels, position, directions, width)?;
-    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state, freedom);
+    let mut state = start(&pixels, position, directions, bends, width)?;
+    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state, bends, freedom);
     let mut damping = 1e-3;
     let mut settled = false;
     for _ in 0..MOST_ITERATIONS {
@@ -133,7 +146,7 @@ pub(super) fn fit(
         if (next[0] - position[0]).hypot(next[1] - position[1]) > furthest {
             return None;
         }
-        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next, freedom);
+        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next, bends, freedom);
         if next_cost.is_finite() && next_cost <= cost {
             let moved = step[0].hypot(step[1]);
             (state, normal, gradient, cost) = (next, next_normal, next_gradient, next_cost);
@@ -198,6 +211,7 @@ fn start(
     pixels: &[[f64; 3]],
     position: [f64; 2],
     directions: [f64; 2],
+    bends: [f64; 2],
     width: f64,
 ) -> Option<SVector<f64, N>> {
     let mut state = SVector::<f64, N>::zeros();
@@ -208,7 +222,7 @@ fn start(
     let count = pixels.len() as f64;
     let (mut m, mut v, mut mm, mut mv) = (0.0, 0.0, 0.0, 0.0);
     for pixel in pixels {
-        let shape = model(&state, pixel).0;
+        let shape = model(&state, bends, pixel).0;
         m += shape;
         v += pixel[2];
         mm += shape * shape;
@@ -227,13 +241,14 @@ fn start(
 fn linearised(
     pixels: &[[f64; 3]],
     state: &SVector<f64, N>,
+    bends: [f64; 2],
     freedom: Freedom,
 ) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
     let mut normal = SMatrix::<f64, N, N>::zeros();
     let mut gradient = SVector::<f64, N>::zeros();
     let mut cost = 0.0;
     for pixel in pixels {
-        let (value, row) = model(state, pixel);
+        let (value, row) = model(state, bends, pixel);
         let residual = value - pixel[2];
         for i in 0..N {
             gradient[i] += row[i] * residual;
@@ -258,20 +273,27 @@ fn linearised(
 }
 
 /// The model at a pixel and its derivatives by the parameters.
-fn model(state: &SVector<f64, N>, pixel: &[f64; 3]) -> (f64, [f64; N]) {
+fn model(state: &SVector<f64, N>, bends: [f64; 2], pixel: &[f64; 3]) -> (f64, [f64; N]) {
     let (x, y) = (pixel[0] - state[0], pixel[1] - state[1]);
-    let edge = |direction: f64, log_width: f64| {
+    let edge = |direction: f64, bend: f64, log_width: f64| {
         let (sin, cos) = direction.sin_cos();
         let scale = (-log_width).exp() * std::f64::consts::FRAC_1_SQRT_2;
         let along = cos * x + sin * y;
-        let (value, slope) = erf((cos * y - sin * x) * scale);
+        let across = cos * y - sin * x;
+        let off = across - 0.5 * bend * along * along;
+        let (value, slope) = erf(off * scale);
         // Derivatives by c_x, c_y, direction and log width.
         let by = slope * scale;
-        let off = cos * y - sin * x;
-        (value, [by * sin, -by * cos, -by * along, -by * off])
+        let derivatives = [
+            by * (sin + bend * along * cos),
+            by * (bend * along * sin - cos),
+            -by * along * (1.0 + bend * across),
+            -by * off,
+        ];
+        (value, derivatives)
     };
-    let (first, d_first) = edge(state[2], state[4]);
-    let (second, d_second) = edge(state[3], state[5]);
+    let (first, d_first) = edge(state[2], bends[0], state[4]);
+    let (second, d_second) = edge(state[3], bends[1], state[5]);
     let contrast = state[6];
     let row = [
         contrast * (d_first[0] * second + first * d_second[0]) - state[8],
@@ -326,8 +348,19 @@ mod tests {
             width: 25,
             height: 24,
             values: (0..25 * 24)
-                .map(|k| model(state, &[f64::from(k % 25), f64::from(k / 25), 0.0]).0 as f32)
+                .map(|k| model(state, BENDS, &[f64::from(k % 25), f64::from(k / 25), 0.0]).0 as f32)
                 .collect(),
+        }
+    }
+
+    const BENDS: [f64; 2] = [0.004, -0.002];
+
+    fn near(position: [f64; 2], directions: [f64; 2], width: f64) -> Shape {
+        Shape {
+            position,
+            directions,
+            bends: BENDS,
+            width,
         }
     }
 
@@ -349,14 +382,15 @@ mod tests {
     fn derivatives_agree_with_differences() {
         let truth = state();
         for pixel in [[10.0, 12.0, 0.0], [15.0, 9.0, 0.0], [12.0, 11.0, 0.0]] {
-            let (_, row) = model(&truth, &pixel);
+            let (_, row) = model(&truth, BENDS, &pixel);
             for k in 0..N {
                 let step = 1e-5;
                 let mut moved = [truth, truth];
                 moved[0][k] -= step;
                 moved[1][k] += step;
-                let difference =
-                    (model(&moved[1], &pixel).0 - model(&moved[0], &pixel).0) / (2.0 * step);
+                let difference = (model(&moved[1], BENDS, &pixel).0
+                    - model(&moved[0], BENDS, &pixel).0)
+                    / (2.0 * step);
                 // The rational erf is smooth only to 1.5e-7, here times 55 over 2e-5.
                 assert!(
                     (row[k] - difference).abs() < 2e-3 * row[k].abs().max(10.0),
@@ -370,7 +404,13 @@ mod tests {
     #[test]
     fn an_image_of_the_model_gives_its_parameters_back() {
         let truth = state();
-        let found = fit(&plane(&truth), [13.1, 11.0], [0.2, 1.85], 1.0, &wide(), Freedom::Full).unwrap();
+        let found = fit(
+            &plane(&truth),
+            &near([13.1, 11.0], [0.2, 1.85], 1.0),
+            &wide(),
+            Freedom::Full,
+        )
+        .unwrap();
         assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
         assert!((found.position[1] - 11.6).abs() < 1e-4);
         assert!((found.directions[1] - 1.7).abs() < 1e-3);
@@ -383,8 +423,8 @@ mod tests {
         let mut truth = state();
         (truth[4], truth[5], truth[8], truth[9]) = (1.1_f64.ln(), 1.1_f64.ln(), 0.0, 0.0);
         let small = Window::new([16.0, 5.0], [-2.0, 7.5]).unwrap();
-        let place = [12.7, 11.3];
-        let found = fit(&plane(&truth), place, [0.2, 1.85], 1.1, &small, Freedom::Stiff).unwrap();
+        let place = near([12.7, 11.3], [0.2, 1.85], 1.1);
+        let found = fit(&plane(&truth), &place, &small, Freedom::Stiff).unwrap();
         assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
         assert!((found.position[1] - 11.6).abs() < 1e-4);
         assert!((found.widths[0] - 1.1).abs() < 1e-12);
@@ -394,13 +434,34 @@ mod tests {
     fn a_flat_or_cropped_disc_is_no_corner() {
         let mut flat = plane(&state());
         flat.values.fill(80.0);
-        assert!(fit(&flat, [12.0, 12.0], [0.2, 1.8], 1.0, &wide(), Freedom::Full).is_none());
-        assert!(fit(&plane(&state()), [0.5, 0.5], [0.2, 1.8], 1.0, &wide(), Freedom::Full).is_none());
+        assert!(
+            fit(
+                &flat,
+                &near([12.0, 12.0], [0.2, 1.8], 1.0),
+                &wide(),
+                Freedom::Full
+            )
+            .is_none()
+        );
+        assert!(
+            fit(
+                &plane(&state()),
+                &near([0.5, 0.5], [0.2, 1.8], 1.0),
+                &wide(),
+                Freedom::Full
+            )
+            .is_none()
+        );
     }
 
     #[test]
     fn val_abramowitz_stegun_erf() {
-        for (t, expected) in [(0.0, 0.0), (0.5, 0.520_499_9), (1.0, 0.842_700_8), (-2.0, -0.995_322_3)] {
+        for (t, expected) in [
+            (0.0, 0.0),
+            (0.5, 0.520_499_9),
+            (1.0, 0.842_700_8),
+            (-2.0, -0.995_322_3),
+        ] {
             assert!((erf(t).0 - expected).abs() < 2e-7, "{t}");
         }
     }

@@ -140,7 +140,10 @@ mod tests {
         let found = maxima(&response, 1);
         assert_eq!(found, [(20, 16)]);
         let [x, y] = saddle_point(&blurred, 20, 16);
-        assert!((x - 20.3).abs() < 0.05 && (y - 15.8).abs() < 0.05, "{x} {y}");
+        assert!(
+            (x - 20.3).abs() < 0.05 && (y - 15.8).abs() < 0.05,
+            "{x} {y}"
+        );
     }
 
     #[test]

@@ -187,7 +187,12 @@ mod tests {
             // Between the edges the product of the sides is negative, and the value above the middle.
             assert!(star.bright_after(0) && !star.bright_after(1) && star.bright_after(2));
             assert_eq!(star.nearest_ray(first.to_radians() + 0.1).0, 0);
-            assert!((star.half_gap(0).to_degrees() - 0.5 * (second - first).min(180.0 - second + first)).abs() < 6.0);
+            assert!(
+                (star.half_gap(0).to_degrees()
+                    - 0.5 * (second - first).min(180.0 - second + first))
+                .abs()
+                    < 6.0
+            );
         }
     }
 

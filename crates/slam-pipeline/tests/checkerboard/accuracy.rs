@@ -52,7 +52,10 @@ fn corners_are_unbiased_and_as_good_as_noise_and_blur_allow() {
         assert!(spread < bound, "noise {noise}, blur {blur_px}: {spread} px");
         // Standard error of the mean, 4.5 of them.
         let error = spread / (pixels.len() as f64).sqrt();
-        assert!(bias.abs() < 4.5 * error, "noise {noise}, blur {blur_px}: bias {bias} px");
+        assert!(
+            bias.abs() < 4.5 * error,
+            "noise {noise}, blur {blur_px}: bias {bias} px"
+        );
     }
 }
 
@@ -69,7 +72,10 @@ fn where_noise_dominates_a_corner_knows_its_own_error() {
     let chi_square: f64 = normalised.iter().map(|z| z * z).sum::<f64>() / normalised.len() as f64;
     // Chi-square over n degrees: variance 2 / n; 4.5 standard errors, and 10 % for the model's own error.
     let band = 4.5 * (2.0 / normalised.len() as f64).sqrt() + 0.1;
-    assert!((chi_square - 1.0).abs() < band, "{chi_square} not within {band} of 1");
+    assert!(
+        (chi_square - 1.0).abs() < band,
+        "{chi_square} not within {band} of 1"
+    );
 }
 
 #[test]

@@ -73,7 +73,10 @@ fn rendered_images_give_the_camera_within_its_own_covariance() {
         assert_eq!(run.calibration.views.len(), 8, "seed {seed}");
         let truth = spec.camera().unwrap().parameters();
         let value = nees(&run, truth.as_slice());
-        println!("seed {seed}: NEES {value:.2}, RMS {:.4} px", run.calibration.rms_px);
+        println!(
+            "seed {seed}: NEES {value:.2}, RMS {:.4} px",
+            run.calibration.rms_px
+        );
         sum += value;
         dimension = run.calibration.parameters.len();
     }
@@ -81,7 +84,10 @@ fn rendered_images_give_the_camera_within_its_own_covariance() {
     let degrees = SEEDS as f64 * dimension as f64;
     let band = 4.5 * (2.0 * degrees).sqrt();
     println!("NEES {:.2} of {dimension}", sum / SEEDS as f64);
-    assert!((sum - degrees).abs() < band, "{sum} not within {band} of {degrees}");
+    assert!(
+        (sum - degrees).abs() < band,
+        "{sum} not within {band} of {degrees}"
+    );
 }
 
 #[test]
@@ -90,13 +96,26 @@ fn the_fixture_is_calibrated_the_same_on_any_number_of_threads() {
     assert_eq!(run.calibration.views.len(), run.images.len());
     assert!(run.calibration.rms_px < 0.1, "{}", run.calibration.rms_px);
     for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| calibrated(&fixture())), run, "{threads} threads");
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        assert_eq!(
+            pool.install(|| calibrated(&fixture())),
+            run,
+            "{threads} threads"
+        );
     }
     let text = camera_toml(&run);
     let fx = run.calibration.parameter("fx").unwrap();
-    assert!(text.contains(&format!("fx = {}   # +- ", fx.value)), "{text}");
-    assert!(text.contains("from 8 of 8 images") && text.contains("model = \"radtan\""), "{text}");
+    assert!(
+        text.contains(&format!("fx = {}   # +- ", fx.value)),
+        "{text}"
+    );
+    assert!(
+        text.contains("from 8 of 8 images") && text.contains("model = \"radtan\""),
+        "{text}"
+    );
 }
 
 #[test]
@@ -122,21 +141,39 @@ fn images_that_do_not_serve_are_named_with_the_reason() {
     let broken = folder.0.join("broken.png");
     std::fs::write(&broken, b"no image").unwrap();
     let other = folder.0.join("other.png");
-    image::GrayImage::from_pixel(100, 90, image::Luma([50])).save(&other).unwrap();
+    image::GrayImage::from_pixel(100, 90, image::Luma([50]))
+        .save(&other)
+        .unwrap();
     let blank = folder.0.join("blank.png");
-    image::GrayImage::from_pixel(320, 240, image::Luma([50])).save(&blank).unwrap();
+    image::GrayImage::from_pixel(320, 240, image::Luma([50]))
+        .save(&blank)
+        .unwrap();
     files.extend([broken, other, blank, folder.0.join("missing.png")]);
     let run = calibrate_images(&files, &SETTINGS, &|| {}).unwrap();
     assert_eq!(run.calibration.views.len(), 8);
-    let reasons: Vec<String> = run.images.iter().filter_map(|image| image.reason()).collect();
-    assert!(reasons[0].contains("expected a whole PNG or JPEG image"), "{reasons:?}");
+    let reasons: Vec<String> = run
+        .images
+        .iter()
+        .filter_map(|image| image.reason())
+        .collect();
+    assert!(
+        reasons[0].contains("expected a whole PNG or JPEG image"),
+        "{reasons:?}"
+    );
     assert_eq!(run.images[9].outcome, Outcome::OtherSize(100, 90));
     assert_eq!(reasons[2], "no corner of a checkerboard");
     assert!(reasons[3].contains("cannot be read"), "{reasons:?}");
 
     let few = [files[0].clone(), files[1].clone(), files[10].clone()];
     let error = calibrate_images(&few, &SETTINGS, &|| {}).unwrap_err();
-    assert!(matches!(error, CalibrateError::TooFewBoards { found: 2, images: 3, .. }));
+    assert!(matches!(
+        error,
+        CalibrateError::TooFewBoards {
+            found: 2,
+            images: 3,
+            ..
+        }
+    ));
     assert_eq!(
         error.to_string(),
         "2 boards in 3 images, required: at least 3 (blank.png: no corner of a checkerboard)"

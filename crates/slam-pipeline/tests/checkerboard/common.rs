@@ -24,7 +24,13 @@ pub(crate) fn camera(width: usize) -> Camera {
 }
 
 /// Pictures at random poses.
-pub(crate) fn pictures(board: &Board, width: usize, look: &Look, count: usize, seed: u64) -> Vec<Picture> {
+pub(crate) fn pictures(
+    board: &Board,
+    width: usize,
+    look: &Look,
+    count: usize,
+    seed: u64,
+) -> Vec<Picture> {
     let camera = camera(width);
     let renderer = Renderer::new(camera);
     poses(board, &camera, count, seed)

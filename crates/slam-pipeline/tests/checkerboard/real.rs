@@ -52,8 +52,15 @@ fn given_poses(folder: &Path) -> Vec<Se3> {
     text.lines()
         .skip(1)
         .map(|line| {
-            let v: Vec<f64> = line.split(',').skip(1).map(|field| field.parse().unwrap()).collect();
-            Se3::new(so3::exp(&Vector3::new(v[0], v[1], v[2])), Vector3::new(v[3], v[4], v[5]))
+            let v: Vec<f64> = line
+                .split(',')
+                .skip(1)
+                .map(|field| field.parse().unwrap())
+                .collect();
+            Se3::new(
+                so3::exp(&Vector3::new(v[0], v[1], v[2])),
+                Vector3::new(v[3], v[4], v[5]),
+            )
         })
         .collect()
 }
@@ -83,12 +90,18 @@ fn val_vamr_checkerboard_is_found_and_calibrated_as_given() {
     distances.sort_by(f64::total_cmp);
     let median = distances[distances.len() / 2];
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
-    println!("given poses: median {median:.3} px, mean {mean:.3} px, largest {:.3} px", distances[distances.len() - 1]);
+    println!(
+        "given poses: median {median:.3} px, mean {mean:.3} px, largest {:.3} px",
+        distances[distances.len() - 1]
+    );
     // A corner one square off would be 20 px away. The given poses themselves are off by half a pixel in four images.
     assert!(mean < 0.3 && distances[distances.len() - 1] < 2.5);
 
     let calibration = &run.calibration;
-    println!("RMS {:.4} px, mean {:.4} px", calibration.rms_px, calibration.mean_error_px);
+    println!(
+        "RMS {:.4} px, mean {:.4} px",
+        calibration.rms_px, calibration.mean_error_px
+    );
     assert!(calibration.mean_error_px <= 0.25);
     for (name, expected) in [
         ("fx", 420.506_712),
@@ -98,7 +111,14 @@ fn val_vamr_checkerboard_is_found_and_calibrated_as_given() {
     ] {
         let found = calibration.parameter(name).unwrap();
         let off = (found.value - expected).abs();
-        println!("{name}: {:.3} +- {:.3}, given {expected}", found.value, found.sigma);
-        assert!(off <= 0.01 * expected || off <= 3.0 * found.sigma, "{name}: {} against {expected}", found.value);
+        println!(
+            "{name}: {:.3} +- {:.3}, given {expected}",
+            found.value, found.sigma
+        );
+        assert!(
+            off <= 0.01 * expected || off <= 3.0 * found.sigma,
+            "{name}: {} against {expected}",
+            found.value
+        );
     }
 }

@@ -285,7 +285,10 @@ fn coverage(run: &CalibrationRun) -> String {
     let most = counts.iter().copied().max().unwrap_or(1).max(1);
     let mut body = String::new();
     for (k, &count) in counts.iter().enumerate() {
-        let (x, y) = ((k % columns) as f64 * side - 0.5, (k / columns) as f64 * side - 0.5);
+        let (x, y) = (
+            (k % columns) as f64 * side - 0.5,
+            (k / columns) as f64 * side - 0.5,
+        );
         let (width, height) = (
             side.min(run.width as f64 - 0.5 - x),
             side.min(run.height as f64 - 0.5 - y),
@@ -339,8 +342,16 @@ fn distortion(run: &CalibrationRun) -> String {
     let corner = [0, 1, 2, 3]
         .iter()
         .filter_map(|k| {
-            let x = if k % 2 == 0 { -0.5 } else { run.width as f64 - 0.5 };
-            let y = if k / 2 == 0 { -0.5 } else { run.height as f64 - 0.5 };
+            let x = if k % 2 == 0 {
+                -0.5
+            } else {
+                run.width as f64 - 0.5
+            };
+            let y = if k / 2 == 0 {
+                -0.5
+            } else {
+                run.height as f64 - 0.5
+            };
             camera.undistort(&Vector2::new(x, y)).ok()
         })
         .map(|point| point.norm())
@@ -373,8 +384,11 @@ fn distortion(run: &CalibrationRun) -> String {
         colour: Colour::Grey,
         y: 0.0,
     });
-    plot.layers
-        .push(Layer::line("seen by corners", Colour::Blue, curve(0.0, known)));
+    plot.layers.push(Layer::line(
+        "seen by corners",
+        Colour::Blue,
+        curve(0.0, known),
+    ));
     if known < limit {
         plot.layers.push(Layer::dashed(
             "extrapolated to the image corner",

@@ -15,10 +15,7 @@ use crate::sequence::GreyImage;
 const ENLARGED: f64 = 50.0;
 
 /// The section; empty when neither picture can be read again.
-pub(super) fn section(
-    run: &CalibrationRun,
-    load: &dyn Fn(&Path) -> Option<GreyImage>,
-) -> String {
+pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyImage>) -> String {
     let views = &run.calibration.views;
     let by_error = |a: &usize, b: &usize| views[*a].rms_px.total_cmp(&views[*b].rms_px);
     let worst = (0..views.len()).max_by(by_error);

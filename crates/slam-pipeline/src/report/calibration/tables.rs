@@ -52,15 +52,10 @@ pub(super) fn cards(run: &CalibrationRun) -> String {
     }
     if let (Some(cx), Some(cy)) = (estimate("cx"), estimate("cy")) {
         let short = |value: f64| format!("{value:.0}");
-        cards.push((
-            "Centre",
-            format!("{}, {}", short(cx.0), short(cy.0)),
-            {
-                let ((x, x_sigma), (y, y_sigma)) =
-                    (with_sigma(cx.0, cx.1), with_sigma(cy.0, cy.1));
-                format!("{x} ± {x_sigma}, {y} ± {y_sigma} px")
-            },
-        ));
+        cards.push(("Centre", format!("{}, {}", short(cx.0), short(cy.0)), {
+            let ((x, x_sigma), (y, y_sigma)) = (with_sigma(cx.0, cx.1), with_sigma(cy.0, cy.1));
+            format!("{x} ± {x_sigma}, {y} ± {y_sigma} px")
+        }));
     }
     let field = 2.0 * calibration.max_corner_radius.atan().to_degrees();
     cards.push((
@@ -200,7 +195,9 @@ fn correlations(run: &CalibrationRun) -> String {
                     } else {
                         "var(--ink)"
                     },
-                    format!("{value:.2}").replace("0.", ".").replace('-', "\u{2212}")
+                    format!("{value:.2}")
+                        .replace("0.", ".")
+                        .replace('-', "\u{2212}")
                 );
             }
             svg.push_str("</g>");
@@ -225,7 +222,11 @@ pub(super) fn images(run: &CalibrationRun) -> String {
         match (&image.outcome, &image.board) {
             (Outcome::Used(view), Some(board)) => {
                 let report = &run.calibration.views[*view];
-                let largest = report.residuals_px.iter().map(|r| r.norm()).fold(0.0, f64::max);
+                let largest = report
+                    .residuals_px
+                    .iter()
+                    .map(|r| r.norm())
+                    .fold(0.0, f64::max);
                 let pose = &report.camera_from_board;
                 let tilt = pose.rotation.matrix()[(2, 2)].clamp(-1.0, 1.0).acos();
                 let _ = writeln!(

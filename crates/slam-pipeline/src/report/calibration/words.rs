@@ -109,7 +109,10 @@ mod tests {
         let (value, sigma) = with_sigma(420.506_712, 0.1234);
         assert_eq!((value.as_str(), sigma.as_str()), ("420.51", "0.12"));
         let (value, sigma) = with_sigma(-0.296_681, 0.000_456);
-        assert_eq!((value.as_str(), sigma.as_str()), ("\u{2212}0.29668", "0.00046"));
+        assert_eq!(
+            (value.as_str(), sigma.as_str()),
+            ("\u{2212}0.29668", "0.00046")
+        );
         assert_eq!(with_sigma(1.0, f64::INFINITY).1, "not fixed");
         assert_eq!(figure(0.012_345), "0.01235");
         assert_eq!(figure(420.5), "420.5");
