@@ -44,10 +44,13 @@ impl Pinhole {
     /// Ideal pixel of a point in camera axes; `None` unless it is in front of the camera and its pixel finite. O(1).
     #[must_use]
     pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
-        normalize(point_in_camera).map(|normalized| self.pixel(&normalized))
+        normalize(point_in_camera)
+            .map(|normalized| self.pixel(&normalized))
+            .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
     }
 
-    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre).
+    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre); `None` also where
+    /// that overflows.
     #[must_use]
     pub fn project_with_jacobian(
         &self,
@@ -57,7 +60,12 @@ impl Pinhole {
         let mut jacobian = normalize_jacobian(&normalized, point_in_camera.z);
         jacobian.row_mut(0).scale_mut(self.fx);
         jacobian.row_mut(1).scale_mut(self.fy);
-        Some((self.pixel(&normalized), jacobian))
+        let pixel = self.pixel(&normalized);
+        pixel
+            .iter()
+            .chain(jacobian.iter())
+            .all(|v| v.is_finite())
+            .then_some((pixel, jacobian))
     }
 
     /// Ideal pixel of a normalised point (X/Z, Y/Z).
@@ -153,7 +161,8 @@ impl Camera {
             .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
     }
 
-    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre).
+    /// [`Self::project`] with its derivative with respect to the point (2x3, pixels per metre); `None` also where
+    /// that overflows.
     #[must_use]
     pub fn project_with_jacobian(
         &self,
@@ -170,6 +179,7 @@ impl Camera {
         let pixel = self.pinhole.pixel(&distorted);
         pixel
             .iter()
+            .chain(jacobian.iter())
             .all(|v| v.is_finite())
             .then_some((pixel, jacobian))
     }
@@ -196,7 +206,10 @@ impl Camera {
             by_parameters[(0, PINHOLE_PARAMETERS + column)] = self.pinhole.fx * lens[(0, column)];
             by_parameters[(1, PINHOLE_PARAMETERS + column)] = self.pinhole.fy * lens[(1, column)];
         }
-        Some((pixel, by_point, by_parameters))
+        by_parameters
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some((pixel, by_point, by_parameters))
     }
 
     /// fx, fy, cx, cy in pixels, then [`Distortion::parameters`].

@@ -139,4 +139,45 @@ impl Se2 {
             1.0,
         )
     }
+    /// Inverse of [`Self::right_jacobian`]; exists for |w| < 2 pi, which covers every value of [`Self::log`].
+    #[must_use]
+    pub fn right_jacobian_inverse(twist: &Vector3<f64>) -> Matrix3<f64> {
+        let w = twist.z;
+        // The upper left block is sinc(w / 2) times the rotation by -w / 2.
+        let half = 0.5 * w;
+        let cotangent = half.cos() / sinc(half);
+        let versine2 = versine_over_x2(w);
+        let remainder = w * x_minus_sin_over_x3(w);
+        let bx = twist.x * remainder - twist.y * versine2;
+        let by = twist.x * versine2 + twist.y * remainder;
+        Matrix3::new(
+            cotangent,
+            -half,
+            half * by - cotangent * bx,
+            half,
+            cotangent,
+            -half * bx - cotangent * by,
+            0.0,
+            0.0,
+            1.0,
+        )
+    }
+
+    /// Inverse of [`Self::left_jacobian`]; exists for |w| < 2 pi.
+    #[must_use]
+    pub fn left_jacobian_inverse(twist: &Vector3<f64>) -> Matrix3<f64> {
+        Self::right_jacobian_inverse(&-twist)
+    }
+
+    /// Retraction: self * exp(delta), delta = (dx, dy, dphi) in the axes of this body.
+    #[must_use]
+    pub fn plus(&self, delta: &Vector3<f64>) -> Self {
+        self.compose(&Self::exp(delta))
+    }
+
+    /// The delta with `base.plus(delta) == self` and a rotation of at most pi: log(base^-1 * self).
+    #[must_use]
+    pub fn minus(&self, base: &Self) -> Vector3<f64> {
+        base.between(self).log()
+    }
 }

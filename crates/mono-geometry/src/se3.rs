@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
 
+use crate::series::{fifth_order_quotient, fourth_order_quotient, x_minus_sin_over_x3};
 use crate::so3;
 
 /// A rigid motion; metres. The rotation type keeps the matrix orthonormal.
@@ -125,6 +126,66 @@ impl Se3 {
             .copy_from(&(so3::hat(&self.translation) * rotation));
         adjoint
     }
+
+    /// Left Jacobian: exp(twist + d) = exp(J_l d) exp(twist) to first order in d (6x6); Barfoot (2017), equation 7.85.
+    #[must_use]
+    pub fn left_jacobian(twist: &Vector6<f64>) -> Matrix6<f64> {
+        let (rho, omega) = split(twist);
+        blocks(&so3::left_jacobian(&omega), &coupling(&rho, &omega))
+    }
+
+    /// Right Jacobian: exp(twist + d) = exp(twist) exp(J_r d) to first order in d (6x6).
+    #[must_use]
+    pub fn right_jacobian(twist: &Vector6<f64>) -> Matrix6<f64> {
+        Self::left_jacobian(&-twist)
+    }
+
+    /// Inverse of [`Self::left_jacobian`]; exists for |omega| < 2 pi, which covers every value of [`Self::log`].
+    #[must_use]
+    pub fn left_jacobian_inverse(twist: &Vector6<f64>) -> Matrix6<f64> {
+        let (rho, omega) = split(twist);
+        let inverse = so3::left_jacobian_inverse(&omega);
+        blocks(&inverse, &-(inverse * coupling(&rho, &omega) * inverse))
+    }
+
+    /// Inverse of [`Self::right_jacobian`]; exists for |omega| < 2 pi.
+    #[must_use]
+    pub fn right_jacobian_inverse(twist: &Vector6<f64>) -> Matrix6<f64> {
+        Self::left_jacobian_inverse(&-twist)
+    }
+
+    /// Retraction: self * exp(delta), delta = (rho, omega) in the axes of the source frame.
+    #[must_use]
+    pub fn plus(&self, delta: &Vector6<f64>) -> Self {
+        self.compose(&Self::exp(delta))
+    }
+
+    /// The delta with `base.plus(delta) == self` and a rotation of at most pi: log(base^-1 * self).
+    #[must_use]
+    pub fn minus(&self, base: &Self) -> Vector6<f64> {
+        base.inverse().compose(self).log()
+    }
+}
+
+/// ((a, b), (0, a)) of 3x3 blocks.
+fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut all = Matrix6::zeros();
+    all.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
+    all.fixed_view_mut::<3, 3>(3, 3).copy_from(a);
+    all.fixed_view_mut::<3, 3>(0, 3).copy_from(b);
+    all
+}
+
+/// The matrix Q of Barfoot (2017), equation 7.86b: how a turn bends the translation beside it.
+fn coupling(rho: &Vector3<f64>, omega: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = omega.norm();
+    let (r, w) = (so3::hat(rho), so3::hat(omega));
+    let (rw, wr) = (r * w, w * r);
+    let wrw = wr * w;
+    r * 0.5
+        + (wr + rw + wrw) * x_minus_sin_over_x3(angle)
+        + (w * wr + rw * w - wrw * 3.0) * fourth_order_quotient(angle)
+        + (wrw * w + w * wrw) * fifth_order_quotient(angle)
 }
 
 fn split(twist: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {

@@ -1,6 +1,6 @@
 //! Trigonometric quotients that are smooth at zero and 0/0 in their naive form.
 //!
-//! The exponential maps of SE(2), SO(3) and SE(3) are built from four of them. Each is accurate to
+//! The exponential maps of SE(2), SO(3) and SE(3) and their Jacobians are built from them. Each is accurate to
 //! a few units in the last place over the whole range: half-angle identities where they remove the
 //! cancellation, power series where they do not.
 
@@ -43,6 +43,40 @@ pub(crate) fn x_minus_sin_over_x3(x: f64) -> f64 {
     sum
 }
 
+/// (x^2 + 2 cos x - 2) / (2 x^4), of the Jacobian of SE(3).
+pub(crate) fn fourth_order_quotient(x: f64) -> f64 {
+    let x2 = x * x;
+    if x2 > 4.0 {
+        return (x2 + 2.0 * x.cos() - 2.0) / (2.0 * x2 * x2);
+    }
+    // 1/4! - x^2/6! + x^4/8! - ...; the first term left out is 4^11 / 26! < 1e-19.
+    let mut term = 1.0 / 24.0;
+    let mut sum = term;
+    for k in 3..13_u32 {
+        let n = f64::from(2 * k);
+        term *= -x2 / (n * (n - 1.0));
+        sum += term;
+    }
+    sum
+}
+
+/// (2 x - 3 sin x + x cos x) / (2 x^5), of the Jacobian of SE(3).
+pub(crate) fn fifth_order_quotient(x: f64) -> f64 {
+    let x2 = x * x;
+    if x2 > 4.0 {
+        return (2.0 * x - 3.0 * x.sin() + x * x.cos()) / (2.0 * x2 * x2 * x);
+    }
+    // 1/5! - 2 x^2/7! + 3 x^4/9! - ...; the first term left out is 12 * 4^11 / 27! < 1e-20.
+    let mut term = 1.0 / 120.0;
+    let mut sum = term;
+    for k in 3..13_u32 {
+        let n = f64::from(2 * k);
+        term *= -x2 / (n * (n + 1.0));
+        sum += f64::from(k - 1) * term;
+    }
+    sum
+}
+
 /// (1 - (x / 2) cot(x / 2)) / x^2, the coefficient of the squared term in the inverse Jacobian of SO(3).
 ///
 /// Finite for |x| < 2 pi; 1/pi^2 at pi.
@@ -74,7 +108,9 @@ mod tests {
     #[test]
     fn branches_agree_at_the_switch() {
         type Quotient = fn(f64) -> f64;
-        let cases: [(Quotient, f64, f64); 3] = [
+        let cases: [(Quotient, f64, f64); 5] = [
+            (fourth_order_quotient, 2.0, 1e-16),
+            (fifth_order_quotient, 2.0, 1e-16),
             (sinc, 1e-4, 1e-15),
             (x_minus_sin_over_x3, 1.0, 1e-15),
             (inverse_jacobian_coefficient, 0.5, 4e-15),
@@ -94,6 +130,8 @@ mod tests {
         assert_eq!(versine_over_x2(0.0), 0.5);
         assert_eq!(x_minus_sin_over_x3(0.0), 1.0 / 6.0);
         assert_eq!(inverse_jacobian_coefficient(0.0), 1.0 / 12.0);
+        assert_eq!(fourth_order_quotient(0.0), 1.0 / 24.0);
+        assert_eq!(fifth_order_quotient(0.0), 1.0 / 120.0);
         let tiny = 1e-9;
         assert!((versine_over_x(tiny) - 0.5 * tiny).abs() < 1e-25);
     }

@@ -77,6 +77,30 @@ pub fn left_jacobian_inverse(rotation_vector: &Vector3<f64>) -> Matrix3<f64> {
         + skew * skew * inverse_jacobian_coefficient(rotation_vector.norm())
 }
 
+/// Inverse of [`right_jacobian`]; exists for angles below 2 pi.
+#[must_use]
+pub fn right_jacobian_inverse(rotation_vector: &Vector3<f64>) -> Matrix3<f64> {
+    left_jacobian_inverse(rotation_vector).transpose()
+}
+
+/// Adjoint: exp(Ad w) = R exp(w) R^-1. For rotations it is the matrix itself.
+#[must_use]
+pub fn adjoint(rotation: &Rotation3<f64>) -> Matrix3<f64> {
+    *rotation.matrix()
+}
+
+/// Retraction: rotation * exp(delta), delta in the source axes of the rotation, radians.
+#[must_use]
+pub fn plus(rotation: &Rotation3<f64>, delta: &Vector3<f64>) -> Rotation3<f64> {
+    rotation * exp(delta)
+}
+
+/// The delta of length at most pi with `plus(base, delta) == rotation`: log(base^-1 * rotation).
+#[must_use]
+pub fn minus(rotation: &Rotation3<f64>, base: &Rotation3<f64>) -> Vector3<f64> {
+    log(&(base.inverse() * rotation))
+}
+
 /// Checks that a matrix read from outside is a proper rotation, and returns the nearest exact one.
 ///
 /// # Errors

@@ -35,11 +35,22 @@ proptest! {
         for lens in [
             Distortion::Radtan { k1: n[4], k2: n[5], p1: n[6], p2: n[7], k3: n[8] },
             Distortion::KannalaBrandt { k1: n[4], k2: n[5], k3: n[6], k4: n[7] },
+            Distortion::Rational {
+                k1: n[4], k2: n[5], p1: n[6], p2: n[7], k3: n[8], k4: n[9], k5: n[10], k6: n[11],
+            },
         ] {
             let _ = lens.undistort(&Vector2::new(n[9], n[10]));
             let Ok(camera) = Camera::new(pinhole, lens) else { continue };
             if let Ok(ideal) = camera.undistort_pixel(&Vector2::new(n[9], n[10])) {
                 prop_assert!(!ideal.iter().any(|v| v.is_nan()));
+            }
+            if let Ok(ray) = camera.unproject(&Vector2::new(n[9], n[10])) {
+                prop_assert!(!ray.iter().any(|v| v.is_nan()));
+            }
+            if let Some((_, by_point, by_parameters)) =
+                camera.project_with_jacobians(&Vector3::new(n[11], n[12], n[13]))
+            {
+                prop_assert!(by_point.iter().chain(by_parameters.iter()).all(|v| v.is_finite()), "{lens:?}");
             }
             if let Some(pixel) = camera.project(&Vector3::new(n[11], n[12], n[13])) {
                 prop_assert!(pixel.iter().all(|v| v.is_finite()));
@@ -95,6 +106,8 @@ proptest! {
         let _ = Se2::exp(&twist).log();
         let _ = Se2::right_jacobian(&twist);
         let _ = so3::log(&so3::exp(&twist));
+        let _ = Se2::left_jacobian_inverse(&twist);
+        let _ = Se3::left_jacobian(&Vector6::new(n[0], n[1], n[2], n[3], n[4], n[5]));
         let _ = Se3::exp(&Vector6::new(n[0], n[1], n[2], n[3], n[4], n[5])).log();
         let _ = Mount::new(&Matrix3::from_column_slice(&n[..9]), &twist);
         let samples: Vec<_> = (0..4)

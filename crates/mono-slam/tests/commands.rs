@@ -329,3 +329,114 @@ fn calibrate_refuses_in_one_sentence() {
     }
     assert!(!Path::new(out).exists());
 }
+
+const KALIBR: &str = "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.8e-05]\n  \
+    distortion_model: radtan\n  intrinsics: [458.654, 457.296, 367.215, 248.375]\n  resolution: [752, 480]\n\
+    left:\n  camera_model: pinhole\n  distortion_coeffs: [-0.0137, 0.0207, -0.0127, 0.0025]\n  \
+    distortion_model: equidistant\n  intrinsics: [457.587, 456.134, 379.999, 255.238]\n  resolution: [752, 480]\n";
+
+#[test]
+fn camera_converts_there_and_back() {
+    let scratch = Scratch::new();
+    let input = scratch.file("camchain.yaml", KALIBR);
+    let out = |name: &str| scratch.path().join(name).to_str().unwrap().to_string();
+    let convert = |arguments: &[&str]| {
+        let output = mono_slam(&[&["camera"], arguments].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        assert!(output.stdout.is_empty() && output.stderr.is_empty());
+    };
+    let toml = out("camera.toml");
+    convert(&[&input, "--out", &toml]);
+    let text = fs::read_to_string(&toml).unwrap();
+    let expected = "width = 752\nheight = 480\nmodel = \"pinhole\"\nfx = 458.654\nfy = 457.296\ncx = 367.215\n\
+                    cy = 248.375\n\n[distortion]\nmodel = \"radtan\"\nk1 = -0.28\nk2 = 0.07\np1 = 0.0002\n\
+                    p2 = 1.8e-5\nk3 = 0.0\n";
+    assert_eq!(text, expected);
+    let mut before = toml;
+    for (to, name) in [
+        ("opencv", "a.yml"),
+        ("ros", "b.yaml"),
+        ("kalibr", "c.yaml"),
+        ("toml", "d.toml"),
+    ] {
+        let after = out(name);
+        convert(&[&before, "--to", to, "--out", &after]);
+        before = after;
+    }
+    assert_eq!(fs::read_to_string(&before).unwrap(), text);
+    let fisheye = out("left.toml");
+    convert(&[
+        &input, "--from", "kalibr", "--camera", "left", "--out", &fisheye,
+    ]);
+    let text = fs::read_to_string(&fisheye).unwrap();
+    assert!(
+        text.contains("model = \"kannala-brandt\"\nk1 = -0.0137\n"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_bad_calibration_ends_with_two_and_writes_nothing() {
+    let scratch = Scratch::new();
+    let out = scratch.path().join("camera.toml");
+    let input = scratch.file("camchain.yaml", KALIBR);
+    let letter = scratch.file("letter.txt", "Dear aunt,\nhow are you?\n");
+    let broken = scratch.file("broken.yaml", &KALIBR.replace("458.654", "nan"));
+    let rational = scratch.file(
+        "rational.toml",
+        "width = 9\nheight = 9\nmodel = \"pinhole\"\nfx = 9\nfy = 9\ncx = 4\ncy = 4\n[distortion]\n\
+         model = \"rational\"\nk1 = 0\nk2 = 0\np1 = 0\np2 = 0\nk3 = 0\nk4 = 0.1\nk5 = 0\nk6 = 0\n",
+    );
+    let missing = scratch
+        .path()
+        .join("none.yml")
+        .to_str()
+        .unwrap()
+        .to_string();
+    for (arguments, expected) in [
+        (&[missing.as_str()][..], "none.yml: cannot be read: "),
+        (
+            &[&letter],
+            "letter.txt: expected a camera.toml, a Kalibr camchain, ",
+        ),
+        (
+            &[&broken],
+            "broken.yaml, line 5: expected a finite number for intrinsics of cam0, found \"nan\"",
+        ),
+        (
+            &[&input, "--camera", "cam7"],
+            "camchain.yaml: expected a camera cam7, found cam0, left",
+        ),
+        (
+            &[&input, "--from", "ros"],
+            "camchain.yaml: expected the key image_width, found none",
+        ),
+        (
+            &[&input, "--from", "toml"],
+            "camchain.yaml, line 1: expected a camera file",
+        ),
+        (
+            &[&rational, "--camera", "cam0"],
+            "expected a Kalibr file to choose cam0 from",
+        ),
+        (
+            &[&rational, "--to", "kalibr"],
+            "a Kalibr camchain has no place for a rational lens",
+        ),
+    ] {
+        let all = [&["camera"], arguments, &["--out", out.to_str().unwrap()]].concat();
+        assert_refused(&mono_slam(&all), 2, expected);
+        assert!(!out.exists());
+    }
+    // No --out, no such format.
+    assert_eq!(code(&mono_slam(&["camera", &input])), 2);
+    let output = mono_slam(&[
+        "camera",
+        &input,
+        "--to",
+        "matlab",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(code(&output), 2);
+}

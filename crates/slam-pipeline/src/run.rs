@@ -63,6 +63,25 @@ pub fn camera_of(file: &CameraFile) -> Result<(Camera, Mount), GeometryError> {
     let distortion = match file.distortion {
         DistortionFile::None => Distortion::None,
         DistortionFile::Radtan { k1, k2, p1, p2, k3 } => Distortion::Radtan { k1, k2, p1, p2, k3 },
+        DistortionFile::Rational {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3,
+            k4,
+            k5,
+            k6,
+        } => Distortion::Rational {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3,
+            k4,
+            k5,
+            k6,
+        },
         DistortionFile::KannalaBrandt { k1, k2, k3, k4 } => {
             Distortion::KannalaBrandt { k1, k2, k3, k4 }
         }

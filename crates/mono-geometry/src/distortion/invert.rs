@@ -11,9 +11,8 @@
 //!
 //! Accuracy: the residual ends near epsilon (1 + |q|), about 1e-13 px at a focal length of 500 px, and is never
 //! accepted above [`TOLERANCE`] (1 + |q|), which is 1e-10 px at 1000 px and |q| = 1. That is the error seen in the
-//! *image*. The error of p is this divided by the smallest singular value of J: near the fold J is singular, and at a
-//! relative distance d before it p has lost a factor 1 / d of its digits, whatever the method. Within 1e-8 of the fold
-//! no digit of the second half is meaningful.
+//! *image*. The error of p is this divided by the smallest singular value of J, which is zero at the fold: at the
+//! relative distance d before it, p is known to about epsilon / d only, whatever the method.
 //!
 //! Degenerate: q beyond the image of the fold has no solution, or one on the wrong branch: an error. O(1), at most 5
 //! plane steps for real lenses.

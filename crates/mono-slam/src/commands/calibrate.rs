@@ -89,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     let page = render_calibration_html(&run, &|path| read_grey(path).ok());
-    write_file(&arguments.out, camera_toml(&run).as_bytes())?;
+    write_file(&arguments.out, camera_toml(&run)?.as_bytes())?;
     write_file(&report, page.as_bytes())?;
     print(&summary(&run))
 }

@@ -1,18 +1,29 @@
 //! `camera.toml` of a calibration: the values, and beside each its standard deviation.
 //!
 //! Values are written with the fewest digits that read back as the same number; the file says nothing of date or machine,
-//! so equal images give equal bytes. Coefficients that were held at zero are left out where the format allows.
+//! so equal images give equal bytes. A coefficient without a standard
+//! deviation was held at zero.
 
 use std::fmt::Write as _;
 
-use mono_geometry::Distortion;
+use mono_geometry::{Camera, Distortion};
 
 use super::CalibrationRun;
 use crate::report::plain_warning;
+use crate::sequence::{
+    CameraFile, CameraFormat, DistortionFile, MountFile, SequenceError, calibration_text,
+};
+
+/// Parameters in pixels.
+const PINHOLE: [&str; 4] = ["fx", "fy", "cx", "cy"];
 
 /// The file's text.
-pub fn camera_toml(run: &CalibrationRun) -> String {
+///
+/// # Errors
+/// [`SequenceError`] for a lens that the format cannot hold: none at present.
+pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
     let calibration = &run.calibration;
+    let plain = calibration_text(&camera_file(&calibration.camera), CameraFormat::Toml)?;
     let mut text = String::new();
     let _ = write!(
         text,
@@ -35,38 +46,64 @@ pub fn camera_toml(run: &CalibrationRun) -> String {
     for warning in &calibration.warnings {
         let _ = writeln!(text, "# Warning: {}", plain_warning(run, warning));
     }
-    let _ = writeln!(
-        text,
-        "\nwidth = {}\nheight = {}\nmodel = \"pinhole\"   # pixel (0,0) is the centre of the top-left pixel",
-        run.width, run.height
-    );
-    let (pinhole, lens) = calibration.parameters.split_at(4);
-    for parameter in pinhole {
-        let _ = writeln!(
-            text,
-            "{} = {}   # +- {} px",
-            parameter.name,
-            parameter.value,
-            sigma(parameter.sigma)
-        );
+    text.push('\n');
+    for line in plain.lines() {
+        let name = line.split(" = ").next().unwrap_or_default();
+        match calibration.parameter(name) {
+            Some(parameter) => {
+                let unit = if PINHOLE.contains(&name) { " px" } else { "" };
+                let _ = writeln!(text, "{line}   # +- {}{unit}", sigma(parameter.sigma));
+            }
+            None => {
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
     }
-    let model = match calibration.camera.distortion() {
-        Distortion::None => return text,
-        Distortion::Radtan { .. } => "radtan",
-        Distortion::Rational { .. } => "rational",
-        Distortion::KannalaBrandt { .. } => "kannala-brandt",
-    };
-    let _ = writeln!(text, "\n[distortion]\nmodel = \"{model}\"");
-    for parameter in lens {
-        let _ = writeln!(
-            text,
-            "{} = {}   # +- {}",
-            parameter.name,
-            parameter.value,
-            sigma(parameter.sigma)
-        );
+    Ok(text)
+}
+
+/// The camera as its file holds it, at the default place on the body.
+fn camera_file(camera: &Camera) -> CameraFile {
+    let pinhole = camera.pinhole();
+    CameraFile {
+        // Sizes came from images, whose sides fit.
+        width: pinhole.width as u32,
+        height: pinhole.height as u32,
+        fx: pinhole.fx,
+        fy: pinhole.fy,
+        cx: pinhole.cx,
+        cy: pinhole.cy,
+        distortion: match *camera.distortion() {
+            Distortion::None => DistortionFile::None,
+            Distortion::Radtan { k1, k2, p1, p2, k3 } => {
+                DistortionFile::Radtan { k1, k2, p1, p2, k3 }
+            }
+            Distortion::Rational {
+                k1,
+                k2,
+                p1,
+                p2,
+                k3,
+                k4,
+                k5,
+                k6,
+            } => DistortionFile::Rational {
+                k1,
+                k2,
+                p1,
+                p2,
+                k3,
+                k4,
+                k5,
+                k6,
+            },
+            Distortion::KannalaBrandt { k1, k2, k3, k4 } => {
+                DistortionFile::KannalaBrandt { k1, k2, k3, k4 }
+            }
+        },
+        mount: MountFile::default(),
     }
-    text
 }
 
 /// Two significant digits.

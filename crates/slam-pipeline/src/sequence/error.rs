@@ -44,4 +44,12 @@ pub enum SequenceError {
         /// Number of frames.
         frames: usize,
     },
+    /// A calibration that a file format cannot hold.
+    #[error("{format} has no place for {what}")]
+    NoPlace {
+        /// The format, in words.
+        format: &'static str,
+        /// What is too much for it.
+        what: String,
+    },
 }

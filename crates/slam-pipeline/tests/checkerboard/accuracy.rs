@@ -1,9 +1,9 @@
 //! Bias and standard deviation of the corners against rendered truth, and whether a corner knows its own error.
 
 use slam_pipeline::checkerboard::find_board;
-use xtask::board::{Look, Renderer, poses};
+use xtask::board::{Look, poses};
 
-use crate::common::{BOARD, camera, pictures};
+use crate::common::{BOARD, camera, pictures, renderer};
 
 /// Errors of all coordinates in pictures that share a look, in pixels, and in units of each corner's own sigma.
 fn errors(look: &Look, seed: u64) -> (Vec<f64>, Vec<f64>) {
@@ -87,7 +87,7 @@ fn the_fit_is_better_than_the_saddle_it_starts_from() {
         ..Look::default()
     };
     let camera = camera(480);
-    let renderer = Renderer::new(camera);
+    let renderer = renderer(480);
     let pose = poses(&BOARD, &camera, 1, 77);
     let mut errors = Vec::new();
     for index in 0..6 {

@@ -3,6 +3,7 @@
 use mono_geometry::{Camera, Se3, so3};
 use nalgebra::Vector3;
 use slam_pipeline::checkerboard::BoardSize;
+use std::sync::{Arc, OnceLock};
 use xtask::board::{Board, Look, Picture, Renderer, SetSpec, poses};
 
 /// The board of most tests.
@@ -23,6 +24,17 @@ pub(crate) fn camera(width: usize) -> Camera {
     spec.camera().unwrap()
 }
 
+/// The renderer of a width, made once for a width of 480.
+pub(crate) fn renderer(width: usize) -> Arc<Renderer> {
+    static USUAL: OnceLock<Arc<Renderer>> = OnceLock::new();
+    let new = || Arc::new(Renderer::new(camera(width)));
+    if width == 480 {
+        USUAL.get_or_init(new).clone()
+    } else {
+        new()
+    }
+}
+
 /// Pictures at random poses.
 pub(crate) fn pictures(
     board: &Board,
@@ -32,7 +44,7 @@ pub(crate) fn pictures(
     seed: u64,
 ) -> Vec<Picture> {
     let camera = camera(width);
-    let renderer = Renderer::new(camera);
+    let renderer = renderer(width);
     poses(board, &camera, count, seed)
         .iter()
         .enumerate()

@@ -2,9 +2,9 @@
 
 use slam_pipeline::checkerboard::{BoardSize, NotFound, find_board};
 use slam_pipeline::sequence::GreyImage;
-use xtask::board::{Board, Look, Picture, Renderer};
+use xtask::board::{Board, Look, Picture};
 
-use crate::common::{BOARD, ahead, camera, pictures, worst};
+use crate::common::{BOARD, ahead, pictures, renderer, worst};
 
 fn board(columns: usize, rows: usize) -> Board {
     Board {
@@ -15,7 +15,7 @@ fn board(columns: usize, rows: usize) -> Board {
 
 /// One picture straight ahead.
 fn picture(board: &Board, width: usize, look: &Look, depth: f64, tilt: f64, turn: f64) -> Picture {
-    Renderer::new(camera(width)).render(board, &ahead(board, depth, tilt, turn), look, 3, 0)
+    renderer(width).render(board, &ahead(board, depth, tilt, turn), look, 3, 0)
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn every_board_is_found_whatever_the_camera_does_to_it() {
 
 #[test]
 fn large_and_blurred_images_are_searched_at_coarser_levels() {
-    for (width, blur_px, depth) in [(1600, 1.0, 0.55), (960, 5.0, 0.5)] {
+    for (width, blur_px, depth) in [(1300, 1.0, 0.55), (640, 5.0, 0.4)] {
         let look = Look {
             blur_px,
             ..Look::default()
@@ -257,8 +257,7 @@ fn two_boards_and_no_board_are_refused() {
     // Clutter without a board: the board is behind the camera.
     let behind = ahead(&BOARD, -1.0, 0.0, 0.0);
     for index in 0..4 {
-        let nothing =
-            Renderer::new(camera(480)).render(&BOARD, &behind, &Look::default(), 9, index);
+        let nothing = renderer(480).render(&BOARD, &behind, &Look::default(), 9, index);
         assert!(find_board(&nothing.image, size).is_err(), "{index}");
     }
 }

@@ -6,6 +6,7 @@
     reason = "a helper that fails is a test that fails; a skipped test says so"
 )]
 
+mod calibrations;
 mod common;
 mod evaluating;
 mod output_writing;

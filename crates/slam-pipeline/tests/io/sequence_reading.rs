@@ -504,7 +504,7 @@ fn wrong_distortions_and_mounts_are_named() {
     let cases = [
         (
             "[distortion]\nmodel = \"division\"\n",
-            "expected \"radtan\" or \"kannala-brandt\" as model of [distortion], found \"division\"",
+            "expected \"radtan\", \"rational\" or \"kannala-brandt\" as model of [distortion], found \"division\"",
         ),
         (
             "[distortion]\nmodel = \"radtan\"\nk1 = 0.1\nk2 = 0.1\np1 = 0.1\n",

@@ -11,8 +11,8 @@
 //!
 //! [distortion]       # optional
 //! model = "radtan"   # k1 k2 p1 p2 and, optional, k3, in OpenCV's order
-//! k1 = 0.11          # or model = "kannala-brandt" with k1 k2 k3 k4
-//! k2 = -0.21
+//! k1 = 0.11          # or "rational" with k1 k2 p1 p2 k3 k4 k5 k6, all of them
+//! k2 = -0.21         # or "kannala-brandt" with k1 k2 k3 k4
 //! p1 = 0.0
 //! p2 = 0.0
 //!
@@ -26,88 +26,115 @@
 //! few digits is accepted within [`ROTATION_TOLERANCE`] and replaced by the nearest
 //! orthonormal matrix.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
-use super::SequenceError;
-use super::text::{line_fault, read_text};
+use super::super::SequenceError;
+use super::super::text::{line_fault, read_text};
+use super::{CameraFile, DistortionFile, MountFile, file_fault, number, numbers};
 
 /// Largest believed deviation of `R^T R` from the identity, entry by entry: four written decimals.
 const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Largest image side; a larger number is a slip of the keyboard.
-const MAX_SIDE_PIXELS: u32 = 65_535;
 
-/// Contents of `camera.toml`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraFile {
-    /// Image columns.
-    pub width: u32,
-    /// Image rows.
-    pub height: u32,
-    /// Focal length along columns, pixels.
-    pub fx: f64,
-    /// Focal length along rows, pixels.
-    pub fy: f64,
-    /// Column of the principal point, pixels.
-    pub cx: f64,
-    /// Row of the principal point, pixels.
-    pub cy: f64,
-    /// Lens distortion.
-    pub distortion: DistortionFile,
-    /// Pose of the camera in the body.
-    pub mount: MountFile,
+/// Reads and checks a camera file.
+pub(in crate::sequence) fn read_camera(path: &Path) -> Result<CameraFile, SequenceError> {
+    parse(path, &read_text(path)?)
 }
 
-/// Lens distortion as written in the file.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DistortionFile {
-    /// An ideal pinhole.
-    None,
-    /// Radial and tangential, OpenCV's coefficients.
-    Radtan {
-        /// Radial, second order.
-        k1: f64,
-        /// Radial, fourth order.
-        k2: f64,
-        /// Tangential.
-        p1: f64,
-        /// Tangential.
-        p2: f64,
-        /// Radial, sixth order.
-        k3: f64,
-    },
-    /// Equidistant fisheye of Kannala and Brandt.
-    KannalaBrandt {
-        /// Third power of the angle.
-        k1: f64,
-        /// Fifth power.
-        k2: f64,
-        /// Seventh power.
-        k3: f64,
-        /// Ninth power.
-        k4: f64,
-    },
+/// Checks the text of a camera file.
+pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError> {
+    let raw: RawCamera = ::toml::from_str(text).map_err(|error| {
+        let offset = error.span().map_or(0, |span| span.start.min(text.len()));
+        let line = 1 + text.as_bytes()[..offset]
+            .iter()
+            .filter(|&&byte| byte == b'\n')
+            .count() as u64;
+        line_fault(
+            path,
+            line,
+            "a camera file",
+            error.message().replace('\n', " "),
+        )
+    })?;
+    let fault = |(expected, found): Fault| file_fault(path, expected, found);
+    if raw.model != "pinhole" {
+        return Err(fault((
+            "model = \"pinhole\"".into(),
+            format!("{:?}", raw.model),
+        )));
+    }
+    let camera = CameraFile {
+        width: raw.width,
+        height: raw.height,
+        fx: raw.fx,
+        fy: raw.fy,
+        cx: raw.cx,
+        cy: raw.cy,
+        distortion: DistortionFile::None,
+        mount: MountFile::default(),
+    }
+    .checked(path)?;
+    Ok(CameraFile {
+        distortion: match &raw.distortion {
+            None => DistortionFile::None,
+            Some(distortion) => checked_distortion(distortion).map_err(fault)?,
+        },
+        mount: match &raw.mount {
+            None => MountFile::default(),
+            Some(mount) => checked_mount(mount).map_err(fault)?,
+        },
+        ..camera
+    })
 }
 
-/// Pose of the camera in the body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MountFile {
-    /// Camera centre in body axes, metres.
-    pub position_in_body: [f64; 3],
-    /// Rows of the rotation; its columns are the camera's x, y, z axes in body axes.
-    pub rotation_body_from_camera: [[f64; 3]; 3],
-}
-
-impl Default for MountFile {
-    /// At the body's origin, looking along body x, upright.
-    fn default() -> Self {
-        MountFile {
-            position_in_body: [0.0; 3],
-            rotation_body_from_camera: [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]],
+/// The text of a camera file.
+pub(super) fn text(camera: &CameraFile) -> String {
+    let mut text = format!(
+        "width = {}\nheight = {}\nmodel = \"pinhole\"\n",
+        camera.width, camera.height
+    );
+    let mut line = |name: &str, value: f64| {
+        // Writing into a String cannot fail.
+        let _ = writeln!(text, "{name} = {}", number(value));
+    };
+    for (name, value) in [
+        ("fx", camera.fx),
+        ("fy", camera.fy),
+        ("cx", camera.cx),
+        ("cy", camera.cy),
+    ] {
+        line(name, value);
+    }
+    let (model, names): (&str, &[&str]) = match camera.distortion {
+        DistortionFile::None => ("", &[]),
+        DistortionFile::Radtan { .. } => ("radtan", &["k1", "k2", "p1", "p2", "k3"]),
+        DistortionFile::Rational { .. } => (
+            "rational",
+            &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+        ),
+        DistortionFile::KannalaBrandt { .. } => ("kannala-brandt", &["k1", "k2", "k3", "k4"]),
+    };
+    if !names.is_empty() {
+        let _ = writeln!(text, "\n[distortion]\nmodel = \"{model}\"");
+        for (name, value) in names.iter().zip(camera.distortion.coefficients()) {
+            let _ = writeln!(text, "{name} = {}", number(value));
         }
     }
+    if camera.mount != MountFile::default() {
+        let rows = camera.mount.rotation_body_from_camera;
+        let _ = writeln!(
+            text,
+            "\n[mount]\nposition_in_body = [{}]\nrotation_body_from_camera = [[{}], [{}], [{}]]",
+            numbers(&camera.mount.position_in_body),
+            numbers(&rows[0]),
+            numbers(&rows[1]),
+            numbers(&rows[2]),
+        );
+    }
+    text
 }
 
 #[derive(Deserialize)]
@@ -132,6 +159,8 @@ struct RawDistortion {
     k2: Option<f64>,
     k3: Option<f64>,
     k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
 }
@@ -141,70 +170,6 @@ struct RawDistortion {
 struct RawMount {
     position_in_body: [f64; 3],
     rotation_body_from_camera: [[f64; 3]; 3],
-}
-
-/// Reads and checks a camera file.
-pub(super) fn read_camera(path: &Path) -> Result<CameraFile, SequenceError> {
-    let text = read_text(path)?;
-    let raw: RawCamera = toml::from_str(&text).map_err(|error| {
-        let offset = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..offset]
-            .iter()
-            .filter(|&&byte| byte == b'\n')
-            .count() as u64;
-        line_fault(
-            path,
-            line,
-            "a camera file",
-            error.message().replace('\n', " "),
-        )
-    })?;
-    let fault = |expected: &str, found: String| SequenceError::File {
-        path: path.to_path_buf(),
-        expected: expected.into(),
-        found,
-    };
-    if raw.model != "pinhole" {
-        return Err(fault("model = \"pinhole\"", format!("{:?}", raw.model)));
-    }
-    for (name, side) in [("width", raw.width), ("height", raw.height)] {
-        if side == 0 || side > MAX_SIDE_PIXELS {
-            return Err(fault(
-                &format!("{name} from 1 to {MAX_SIDE_PIXELS}"),
-                side.to_string(),
-            ));
-        }
-    }
-    for (name, focal) in [("fx", raw.fx), ("fy", raw.fy)] {
-        if !(focal.is_finite() && focal > 0.0) {
-            return Err(fault(&format!("a positive {name}"), focal.to_string()));
-        }
-    }
-    for (name, centre) in [("cx", raw.cx), ("cy", raw.cy)] {
-        if !centre.is_finite() {
-            return Err(fault(&format!("a finite {name}"), centre.to_string()));
-        }
-    }
-    let distortion = match &raw.distortion {
-        None => DistortionFile::None,
-        Some(distortion) => {
-            checked_distortion(distortion).map_err(|(expected, found)| fault(&expected, found))?
-        }
-    };
-    let mount = match &raw.mount {
-        None => MountFile::default(),
-        Some(mount) => checked_mount(mount).map_err(|(expected, found)| fault(&expected, found))?,
-    };
-    Ok(CameraFile {
-        width: raw.width,
-        height: raw.height,
-        fx: raw.fx,
-        fy: raw.fy,
-        cx: raw.cx,
-        cy: raw.cy,
-        distortion,
-        mount,
-    })
 }
 
 /// (expected, found).
@@ -231,7 +196,9 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
     };
     match raw.model.as_str() {
         "radtan" => {
-            refuse("k4", raw.k4)?;
+            for (name, value) in [("k4", raw.k4), ("k5", raw.k5), ("k6", raw.k6)] {
+                refuse(name, value)?;
+            }
             Ok(DistortionFile::Radtan {
                 k1: need("k1", raw.k1)?,
                 k2: need("k2", raw.k2)?,
@@ -240,9 +207,26 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
                 k3: need("k3", Some(raw.k3.unwrap_or(0.0)))?,
             })
         }
+        "rational" => Ok(DistortionFile::Rational {
+            k1: need("k1", raw.k1)?,
+            k2: need("k2", raw.k2)?,
+            p1: need("p1", raw.p1)?,
+            p2: need("p2", raw.p2)?,
+            k3: need("k3", raw.k3)?,
+            k4: need("k4", raw.k4)?,
+            k5: need("k5", raw.k5)?,
+            k6: need("k6", raw.k6)?,
+        }),
         "kannala-brandt" => {
-            refuse("p1", raw.p1)?;
-            refuse("p2", raw.p2)?;
+            let others = [
+                ("p1", raw.p1),
+                ("p2", raw.p2),
+                ("k5", raw.k5),
+                ("k6", raw.k6),
+            ];
+            for (name, value) in others {
+                refuse(name, value)?;
+            }
             Ok(DistortionFile::KannalaBrandt {
                 k1: need("k1", raw.k1)?,
                 k2: need("k2", raw.k2)?,
@@ -251,7 +235,7 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
             })
         }
         other => Err((
-            "\"radtan\" or \"kannala-brandt\" as model of [distortion]".into(),
+            "\"radtan\", \"rational\" or \"kannala-brandt\" as model of [distortion]".into(),
             format!("{other:?}"),
         )),
     }

@@ -1,0 +1,16 @@
+//! Every Jacobian of the cameras and of the groups, three ways: the formula of the crate, dual numbers through an
+//! independent and naive formula, central differences of the crate's own function.
+
+mod cameras;
+mod dual;
+mod groups;
+
+use proptest::test_runner::Config;
+
+pub(crate) fn config(cases: u32) -> Config {
+    Config {
+        cases,
+        failure_persistence: None,
+        ..Config::default()
+    }
+}
