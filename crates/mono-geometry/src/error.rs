@@ -89,14 +89,14 @@ pub enum GeometryError {
     },
     /// The measurements leave a motion of the whole free (gauge), so there is no covariance.
     #[error(
-        "the measurements leave a direction free: pivot {value} at coordinate {coordinate} of pose {pose}, required: above {required} (fix a pose or add a prior; the scale needs odometry or a second one)"
+        "the measurements leave a direction free: information {value} (pivot) at coordinate {coordinate} of pose {pose}, required: above {required} (fix a pose or add a prior; the scale needs odometry or a second one)"
     )]
     GaugeFree {
         /// Index of the pose.
         pose: usize,
         /// Coordinate of its tangent, translation first.
         coordinate: usize,
-        /// The pivot, in units of information.
+        /// The pivot: the information about the coordinate, those before it known or (the last one) all unknown.
         value: f64,
         /// What rounding alone would leave of a zero.
         required: f64,

@@ -6,14 +6,7 @@
 //! Four points ([`Homography::from_four_points`]): with the points as columns, A diag(a) and B diag(b) are the bases in
 //! which the fourth point is (1, 1, 1); H = B diag(b / a) A^-1. No decomposition, no iteration.
 //!
-//! Many points ([`fit`]):
-//! 1. both sets are shifted to their centroids and scaled to mean distance sqrt 2;
-//! 2. direct linear transformation: target x (H source) = 0 gives two rows a point; the null vector starts
-//! 3. Levenberg-Marquardt on the transfer error sum |target - H source|^2 / sigma^2, on the sphere |H| = 1;
-//! 4. the covariance of H is the pseudo-inverse of the information J^T J, which has rank 8.
-//!
-//! That error supposes exact source points, as those of a calibration board are. With noise in both images use it as an
-//! approximation and score by [`Homography::sampson_squared`].
+//! Many points: [`fit`].
 //!
 //! Degenerate: two of the four points coincide or three are collinear, in either image; of many points, all but one
 //! collinear. The first is `None`, the second an error with the rank found. Points collinear only up to noise pass:
@@ -21,13 +14,14 @@
 //!
 //! Source: Hartley and Zisserman (2004), algorithms 4.1 to 4.3, section 5.2; Sampson error section 4.2.6.
 
-use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+mod fit;
 
-use crate::linalg::{cholesky, null_vector, svd, svd3, symmetrize};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// A 9x9 matrix over the entries of H, row by row.
-pub type Matrix9 = SMatrix<f64, 9, 9>;
-type Vector9 = SVector<f64, 9>;
+pub(crate) use fit::rough;
+pub use fit::{HomographyError, HomographyFit, Matrix9, fit};
+
+use crate::linalg::svd3;
 
 /// An invertible map of the projective plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,8 +142,8 @@ impl Homography {
 
     /// Squared first-order distance of the pair (source, target) in R^4 from the pairs that H maps exactly.
     ///
-    /// Chi-square with 2 degrees of freedom, times sigma^2, if every coordinate of both images has the standard deviation
-    /// sigma. `None` where the constraint has no gradient, or for NaN. O(1).
+    /// Chi-square with 2 degrees of freedom, times sigma^2, if every coordinate of both images has the standard
+    /// deviation sigma. `None` where the constraint has no gradient, or for NaN. O(1).
     #[must_use]
     pub fn sampson_squared(&self, source: &Vector2<f64>, target: &Vector2<f64>) -> Option<f64> {
         // Constraint c = (H s)_xy - t (H s)_z = 0; its gradient by t is -(H s)_z I.
@@ -181,259 +175,8 @@ pub fn keeps_orientation(source: &[Vector2<f64>; 4], target: &[Vector2<f64>; 4])
     products.iter().all(|p| *p > 0.0) || products.iter().all(|p| *p < 0.0)
 }
 
-/// A homography from many points.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HomographyFit {
-    /// The minimiser of the transfer error; third coordinate positive at the centroid of the source points.
-    pub homography: Homography,
-    /// Covariance of the entries of H (row by row, |H| = 1) for target points with standard deviation 1 in each
-    /// coordinate, in units of the target: multiply by sigma^2. Rank 8; H itself is its null vector.
-    pub unit_covariance: Matrix9,
-    /// Root mean square of |target - H source|, in units of the target.
-    pub rms: f64,
-    /// Largest over smallest of the 8 singular values of the whitened Jacobian in normalised coordinates: about 10 for a
-    /// full board, growing without bound as the points approach a line.
-    pub condition: f64,
-    /// Levenberg-Marquardt steps accepted.
-    pub iterations: usize,
-}
-
-/// Why there is no homography.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum HomographyError {
-    /// The two lists differ in length.
-    #[error("{sources} source points and {targets} target points, required: as many")]
-    CountMismatch {
-        /// Source points given.
-        sources: usize,
-        /// Target points given.
-        targets: usize,
-    },
-    /// Fewer than four points.
-    #[error("{points} points, required: at least 4")]
-    TooFewPoints {
-        /// Points given.
-        points: usize,
-    },
-    /// A coordinate is NaN or infinite.
-    #[error("point {point} is not finite, required: finite coordinates")]
-    NotFinite {
-        /// Index of the first such point.
-        point: usize,
-    },
-    /// The points do not fix a homography: all but one at most are collinear, or fewer than four are distinct.
-    #[error(
-        "the points fix {rank} of 8 degrees of freedom, required: four points, no three of them collinear"
-    )]
-    Degenerate {
-        /// Degrees of freedom that are fixed.
-        rank: usize,
-    },
-}
-
-/// The homography with the least transfer error over n >= 4 points. O(n) per step, at most 30 steps.
-///
-/// # Errors
-/// [`HomographyError`], with the counts or the rank.
-pub fn fit(
-    source: &[Vector2<f64>],
-    target: &[Vector2<f64>],
-) -> Result<HomographyFit, HomographyError> {
-    check(source, target)?;
-    let degenerate = |rank| HomographyError::Degenerate { rank };
-    let from = Similarity::of(source).ok_or(degenerate(2))?;
-    let to = Similarity::of(target).ok_or(degenerate(2))?;
-    let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = source
-        .iter()
-        .zip(target)
-        .map(|(s, t)| (from.apply(s), to.apply(t)))
-        .collect();
-    let start = linear(&pairs)?;
-    let (h, iterations) = refine(&pairs, start);
-    let Some((jacobian, squared)) = system(&pairs, &h) else {
-        return Err(degenerate(7));
-    };
-    // J h = 0 by the scale of H, so 8 is full rank. The rank depends on the source points and H only, not on the noise.
-    let decomposition = svd(&jacobian).map_err(|_unusable| degenerate(0))?;
-    let rank = decomposition.rank();
-    if rank < 8 {
-        return Err(degenerate(rank));
-    }
-    let singular_values = &decomposition.singular_values;
-    let mut normalized_covariance = Matrix9::zeros();
-    for k in 0..8 {
-        let direction: Vector9 = decomposition.v.fixed_view::<9, 1>(0, k).into_owned();
-        normalized_covariance += direction * direction.transpose() / singular_values[k].powi(2);
-    }
-    let matrix = to.back() * unpack(&h) * from.forth();
-    let sign = if (unpack(&h) * Vector3::z()).z < 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
-    let homography = Homography::from_matrix(&(matrix * sign)).ok_or(degenerate(7))?;
-    // vec(T^-1 H U) by vec(H), then the tangent plane of the sphere |H| = 1.
-    let mut map = Matrix9::zeros();
-    let (back, forth) = (to.back(), from.forth());
-    for i in 0..9 {
-        for j in 0..9 {
-            map[(i, j)] = back[(i / 3, j / 3)] * forth[(j % 3, i % 3)];
-        }
-    }
-    let unit = pack(homography.matrix());
-    let tangent = (Matrix9::identity() - unit * unit.transpose()) / matrix.norm();
-    // Target noise of 1 is a noise of `scale` in normalised coordinates.
-    let map = tangent * map * to.scale;
-    Ok(HomographyFit {
-        homography,
-        unit_covariance: symmetrize(&(map * normalized_covariance * map.transpose())),
-        rms: (squared / pairs.len() as f64).sqrt() / to.scale,
-        condition: singular_values[0] / singular_values[7],
-        iterations,
-    })
-}
-
 /// Index triples of four points.
 const TRIPLES: [[usize; 3]; 4] = [[1, 2, 3], [2, 0, 3], [0, 1, 3], [0, 1, 2]];
-
-fn check(source: &[Vector2<f64>], target: &[Vector2<f64>]) -> Result<(), HomographyError> {
-    if source.len() != target.len() {
-        return Err(HomographyError::CountMismatch {
-            sources: source.len(),
-            targets: target.len(),
-        });
-    }
-    if source.len() < 4 {
-        return Err(HomographyError::TooFewPoints {
-            points: source.len(),
-        });
-    }
-    let finite = |p: &Vector2<f64>| p.iter().all(|v| v.is_finite());
-    match (0..source.len()).find(|&k| !finite(&source[k]) || !finite(&target[k])) {
-        Some(point) => Err(HomographyError::NotFinite { point }),
-        None => Ok(()),
-    }
-}
-
-/// Null vector of the direct linear transformation, in normalised coordinates.
-fn linear(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> Result<Vector9, HomographyError> {
-    let mut rows = DMatrix::zeros(2 * pairs.len(), 9);
-    for (k, (s, t)) in pairs.iter().enumerate() {
-        let point = [s.x, s.y, 1.0];
-        for column in 0..3 {
-            rows[(2 * k, column)] = point[column];
-            rows[(2 * k, 6 + column)] = -t.x * point[column];
-            rows[(2 * k + 1, 3 + column)] = point[column];
-            rows[(2 * k + 1, 6 + column)] = -t.y * point[column];
-        }
-    }
-    let null = null_vector(&rows).map_err(|_unusable| HomographyError::Degenerate { rank: 0 })?;
-    if null.rank < 8 {
-        return Err(HomographyError::Degenerate { rank: null.rank });
-    }
-    Ok(Vector9::from_iterator(null.vector.iter().copied()))
-}
-
-/// Levenberg-Marquardt from a linear start; returns the best H and the accepted steps.
-fn refine(pairs: &[(Vector2<f64>, Vector2<f64>)], start: Vector9) -> (Vector9, usize) {
-    let mut h = start / start.norm();
-    let Some(mut current) = normal(pairs, &h) else {
-        return (h, 0);
-    };
-    let mut damping = 1e-6;
-    let mut iterations = 0;
-    for _ in 0..30 {
-        // H itself is no direction: the outer product holds the step in the tangent plane of |H| = 1.
-        let scale = current.information.trace() / 8.0;
-        let mut damped = current.information + h * h.transpose() * scale;
-        for i in 0..9 {
-            damped[(i, i)] += damping * scale;
-        }
-        let Ok(factor) = cholesky(&damped) else {
-            break;
-        };
-        let step = factor.solve(&current.gradient);
-        let candidate = (h + step).normalize();
-        match normal(pairs, &candidate).filter(|next| next.squared <= current.squared) {
-            Some(next) => {
-                let gain = current.squared - next.squared;
-                h = candidate;
-                iterations += 1;
-                damping = (damping * 0.1).max(1e-12);
-                let settled = step.norm() < 1e-14 || gain <= 1e-15 * current.squared;
-                current = next;
-                if settled {
-                    break;
-                }
-            }
-            None => {
-                damping *= 10.0;
-                if damping > 1e6 || step.norm() < 1e-14 {
-                    break;
-                }
-            }
-        }
-    }
-    (h, iterations)
-}
-
-struct Normal {
-    information: Matrix9,
-    gradient: Vector9,
-    squared: f64,
-}
-
-/// Normal equations of the transfer error; `None` if a point goes to infinity.
-fn normal(pairs: &[(Vector2<f64>, Vector2<f64>)], h: &Vector9) -> Option<Normal> {
-    let mut normal = Normal {
-        information: Matrix9::zeros(),
-        gradient: Vector9::zeros(),
-        squared: 0.0,
-    };
-    for (s, t) in pairs {
-        let (rows, error) = residual(h, s, t)?;
-        for (row, e) in rows.iter().zip(error.iter()) {
-            normal.information.syger(1.0, row, row, 1.0);
-            normal.gradient.axpy(*e, row, 1.0);
-        }
-        normal.squared += error.norm_squared();
-    }
-    normal.information.fill_upper_triangle_with_lower_triangle();
-    Some(normal)
-}
-
-/// The stacked Jacobian (2n x 9) and the sum of squares.
-fn system(pairs: &[(Vector2<f64>, Vector2<f64>)], h: &Vector9) -> Option<(DMatrix<f64>, f64)> {
-    let mut jacobian = DMatrix::zeros(2 * pairs.len().max(5), 9);
-    let mut squared = 0.0;
-    for (k, (s, t)) in pairs.iter().enumerate() {
-        let (rows, error) = residual(h, s, t)?;
-        for (axis, row) in rows.iter().enumerate() {
-            jacobian.row_mut(2 * k + axis).copy_from(&row.transpose());
-        }
-        squared += error.norm_squared();
-    }
-    Some((jacobian, squared))
-}
-
-/// Derivative of the mapped point by h (two rows), and target - mapped.
-fn residual(
-    h: &Vector9,
-    s: &Vector2<f64>,
-    t: &Vector2<f64>,
-) -> Option<([Vector9; 2], Vector2<f64>)> {
-    let image = unpack(h) * s.push(1.0);
-    let mapped = dehomogenize(&image)?;
-    let p = s.push(1.0) / image.z;
-    let mut rows = [Vector9::zeros(); 2];
-    for axis in 0..2 {
-        for column in 0..3 {
-            rows[axis][3 * axis + column] = p[column];
-            rows[axis][6 + column] = -mapped[axis] * p[column];
-        }
-    }
-    Some((rows, t - mapped))
-}
 
 /// x -> scale (x - centre): centroid at zero, mean distance sqrt 2.
 #[derive(Debug, Clone, Copy)]
@@ -533,12 +276,4 @@ fn twice_area(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>) -> f64 {
 fn dehomogenize(image: &Vector3<f64>) -> Option<Vector2<f64>> {
     let point = image.xy() / image.z;
     point.iter().all(|v| v.is_finite()).then_some(point)
-}
-
-fn pack(matrix: &Matrix3<f64>) -> Vector9 {
-    Vector9::from_fn(|i, _| matrix[(i / 3, i % 3)])
-}
-
-fn unpack(h: &Vector9) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| h[3 * i + j])
 }

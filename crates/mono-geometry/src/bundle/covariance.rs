@@ -23,6 +23,10 @@ use crate::error::GeometryError;
 use crate::linalg::symmetrize;
 use crate::robust_loss::RobustLoss;
 
+/// The information of a coordinate, all others unknown, must be this many times what rounding leaves of a zero: then its
+/// variance is good to three digits.
+const ROUNDING_MARGIN: f64 = 1e3;
+
 /// Joint covariance of the free poses, and what the landmarks' covariances are made of.
 #[derive(Debug)]
 pub struct Covariance<const D: usize> {
@@ -48,12 +52,24 @@ pub fn covariance<P: BundlePose<D>, const D: usize>(
     let whitening = Whitening::new(problem)?;
     let mut normal = Normal::new(&layout);
     normal.fill(problem, &layout, &whitening, loss, &Estimate::new(problem))?;
-    let (factor, roots) = Schur::new(&layout).marginal(&layout, &normal)?;
+    let (factor, roots, rounding) = Schur::new(&layout).marginal(&layout, &normal)?;
     let size = D * layout.free_poses.len();
     let mut joint = DMatrix::identity(size, size);
     factor.solve_in_place(joint.as_mut_slice())?;
     // Solving leaves the two triangles apart by rounding.
     let joint = (&joint + joint.transpose()) * 0.5;
+    // Rounding adds up over a long chain of poses: the last pivot can pass its own floor and still be nothing else.
+    for j in 0..size {
+        let (value, required) = (1.0 / joint[(j, j)], ROUNDING_MARGIN * rounding[j]);
+        if !(value > required && value.is_finite()) {
+            return Err(GeometryError::GaugeFree {
+                pose: layout.free_poses[j / D],
+                coordinate: j % D,
+                value,
+                required,
+            });
+        }
+    }
     Ok(Covariance {
         layout,
         joint,

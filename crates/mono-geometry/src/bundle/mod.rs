@@ -47,6 +47,8 @@ mod pose;
 mod problem;
 mod schur;
 mod solve;
+#[cfg(test)]
+mod tests;
 
 pub use covariance::{Covariance, covariance};
 pub use pose::BundlePose;

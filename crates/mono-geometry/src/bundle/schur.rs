@@ -254,10 +254,9 @@ impl<const D: usize> Schur<D> {
         }
     }
 
-    /// The undamped reduced system, factorised, and the inverse roots of all landmarks.
-    ///
-    /// A pivot counts as zero below what rounding can have left there: eps times (size times the entry of U, plus each
-    /// subtracted entry times the condition of the landmark's V, which the elimination squares in).
+    /// The undamped reduced system, factorised, the inverse roots of all landmarks, and what rounding can have left on
+    /// the diagonal of S: eps times (size times the entry of U, plus each subtracted entry times the condition of the
+    /// landmark's V, which the elimination squares in). A pivot below that counts as zero.
     ///
     /// # Errors
     /// [`GeometryError::GaugeFree`] with the pose and coordinate of the pivot.
@@ -265,7 +264,7 @@ impl<const D: usize> Schur<D> {
         mut self,
         layout: &Layout,
         normal: &Normal<D>,
-    ) -> Result<(DenseCholesky, Vec<InverseRoot>), GeometryError> {
+    ) -> Result<(DenseCholesky, Vec<InverseRoot>, Vec<f64>), GeometryError> {
         self.matrix.copy_from(&normal.u);
         let size = self.matrix.nrows();
         let mut floor: Vec<f64> = (0..size).map(|j| size as f64 * normal.u[(j, j)]).collect();
@@ -286,7 +285,7 @@ impl<const D: usize> Schur<D> {
             *value *= f64::EPSILON;
         }
         match DenseCholesky::new(self.matrix, &floor) {
-            Ok(factor) => Ok((factor, self.roots)),
+            Ok(factor) => Ok((factor, self.roots, floor)),
             Err(GeometryError::NotPositiveDefinite {
                 pivot,
                 value,

@@ -4,7 +4,8 @@
 //! (decrease of the cost) / (decrease of the quadratic model, step^T (mu diag(H) step - gradient) / 2). A step that
 //! lowers the cost is taken, mu *= max(1/3, 1 - (2 gain - 1)^3) and nu = 2; any other is refused, mu *= nu, nu *= 2
 //! (Nielsen 1999; Madsen, Nielsen and Tingleff 2004, algorithm 3.16). A step that puts a landmark behind a camera that
-//! sees it has no cost and is refused.
+//! sees it has no cost and is refused. Re-weighting alone creeps where large residuals pull against each other (a
+//! landmark of few sightings, one of them wrong); a step whose gain is above 1.5 is stretched while the cost falls.
 //!
 //! All sizes are measured free of units by the diagonal of the Hessian: of the gradient max |g_j| / sqrt(h_j), of a
 //! step sqrt(sum h_j d_j^2), which is its length in standard deviations each coordinate would have alone.
@@ -40,7 +41,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// No robust loss, 100 iterations, gradient 1e-9, cost 1e-11, step 1e-8, damping 1e-4.
+    /// No robust loss, 100 iterations, gradient 1e-9, cost 1e-11, step 1e-8, damping 1e-7.
     fn default() -> Self {
         Self {
             loss: RobustLoss::None,
@@ -48,7 +49,7 @@ impl Default for Options {
             gradient_tolerance: 1e-9,
             cost_tolerance: 1e-11,
             step_tolerance: 1e-8,
-            initial_damping: 1e-4,
+            initial_damping: 1e-7,
         }
     }
 }
@@ -61,6 +62,13 @@ const MAX_DAMPING: f64 = 1e12;
 
 /// A short step means convergence only if the damping did not make it short.
 const FREE_DAMPING: f64 = 1.0;
+
+/// A gain above 1 says that the robust weights bend the model more than the cost bends; it is 2 where the cost is a
+/// straight slope. Then twice the step is tried, and twice that, while the cost falls.
+const STRETCH_GAIN: f64 = 1.5;
+
+/// Longest step tried that way, in steps.
+const LONGEST_STRETCH: f64 = 256.0;
 
 /// One iteration of the cost curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -170,6 +178,7 @@ pub fn adjust<P: BundlePose<D>, const D: usize>(
     let mut schur = Schur::new(&layout);
     let mut current = Estimate::new(problem);
     let mut candidate = current.clone();
+    let mut stretched = current.clone();
 
     let initial_cost = checked(
         "cost of the start",
@@ -241,13 +250,28 @@ pub fn adjust<P: BundlePose<D>, const D: usize>(
         let mut gain_ratio = None;
         let mut accepted = false;
         if usable {
-            candidate.step_from(&current, &layout, &schur, problem);
+            candidate.step_from(&current, &layout, &schur, 1.0, problem);
             result.cost_evaluations += 1;
             let tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
             if let Some(next) = tried.ok().filter(|c| c.is_finite()) {
                 let gain = (result.cost - next) / model.decrease;
                 gain_ratio = Some(gain);
                 accepted = next < result.cost && model.decrease > 0.0;
+                let mut next = next;
+                let mut factor = 2.0;
+                while accepted && gain > STRETCH_GAIN && factor <= LONGEST_STRETCH {
+                    stretched.step_from(&current, &layout, &schur, factor, problem);
+                    result.cost_evaluations += 1;
+                    let tried = cost(problem, &layout, &whitening, &options.loss, &stretched);
+                    match tried {
+                        Ok(lower) if lower < next => {
+                            next = lower;
+                            std::mem::swap(&mut candidate, &mut stretched);
+                            factor *= 2.0;
+                        }
+                        _ => break,
+                    }
+                }
                 if accepted {
                     relative = (result.cost - next) / result.cost;
                     result.cost = next;
@@ -308,19 +332,20 @@ impl Options {
 }
 
 impl<P: Copy> Estimate<P> {
-    /// This estimate becomes `from` moved by the step.
+    /// This estimate becomes `from` moved by a multiple of the step.
     fn step_from<const D: usize>(
         &mut self,
         from: &Self,
         layout: &Layout,
         schur: &Schur<D>,
+        factor: f64,
         problem: &Problem<P, D>,
     ) where
         P: BundlePose<D>,
     {
         for (free, &pose) in layout.free_poses.iter().enumerate() {
             let delta = SVector::<f64, D>::from_column_slice(&schur.pose_step[free * D..][..D]);
-            self.poses[pose] = from.poses[pose].retract(&delta);
+            self.poses[pose] = from.poses[pose].retract(&(delta * factor));
         }
         for ((to, point), step) in self
             .landmarks
@@ -328,7 +353,7 @@ impl<P: Copy> Estimate<P> {
             .zip(&from.landmarks)
             .zip(&schur.landmark_step)
         {
-            *to = point + step;
+            *to = point + step * factor;
         }
         self.place(&problem.body_from_camera);
     }

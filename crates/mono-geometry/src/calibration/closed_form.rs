@@ -5,12 +5,12 @@
 //!
 //! h1^T B h2 = 0 and h1^T B h1 = h2^T B h2,
 //!
-//! two equations linear in the entries of B. Steps: pixels centred and scaled to about 1, each homography scaled so that
-//! its first two columns count as much in every view; the null vector of the stacked equations is B up to scale; K
+//! two equations linear in the entries of B. Steps: pixels centred and scaled to about 1, each homography scaled so
+//! that its first two columns count as much in every view; the null vector of the stacked equations is B up to scale; K
 //! follows by Cholesky's formulas.
 //!
-//! Without skew B12 = 0 and two views suffice; with skew three. If B is not positive definite, or the equations leave more
-//! than one direction open (parallel planes give the same two equations), there is no answer, and
+//! Without skew B12 = 0 and two views suffice; with skew three. If B is not positive definite, or the equations leave
+//! more than one direction open (parallel planes give the same two equations), there is no answer, and
 //! [`focal_length_from_centre`] takes the principal point as the image centre and fits the one number 1 / f^2. Planes
 //! parallel to the image do not contain it either: h1 and h2 then have no third component.
 
@@ -104,7 +104,8 @@ pub fn closed_form_intrinsics(
         .filter(|k| k.fx > 0.0 && k.fy > 0.0)
 }
 
-/// The focal length (fx = fy, pixels) with the principal point at the image centre, by least squares on 1 / f^2. O(views).
+/// The focal length (fx = fy, pixels) with the principal point at the image centre, by least squares on 1 / f^2.
+/// O(views).
 ///
 /// `None` if the homographies do not contain it (planes parallel to the image) or 1 / f^2 is not positive.
 #[must_use]

@@ -3,7 +3,8 @@
 //! The information of the camera with the poses eliminated is Jc^T (I - Qp Qp^T) Jc, with Jp = Qp R the QR factors of
 //! each view's pose columns. It is never formed: squaring it would turn a weak direction into rounding errors. Steps:
 //!
-//! 1. a view's whitened rows; what Qp explains is projected out of Jc (twice, for the rounding errors of the first time);
+//! 1. a view's whitened rows; what Qp explains is projected out of Jc (twice, for the rounding errors of the first
+//!    time);
 //! 2. columns scaled to the length they had before: a singular value is the share of its information that a combination
 //!    keeps although the poses are unknown;
 //! 3. the stacked rows reduced to p x p by QR, then SVD, S = A V: covariance of the scaled parameters V S^-2 V^T;

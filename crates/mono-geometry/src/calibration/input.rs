@@ -133,12 +133,12 @@ impl Default for CalibrationOptions {
 /// Beyond which values a calibration warns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WarningLimits {
-    /// Largest standard deviation that goes unmentioned, as a share of the focal length: of fx and fy themselves, of the
-    /// principal point, and of what a lens coefficient moves the outermost corner by. 0.01: at the edge of a 60 degree
-    /// field, a third of a degree.
+    /// Largest standard deviation that goes unmentioned, as a share of the focal length: of fx and fy themselves, of
+    /// the principal point, and of what a lens coefficient moves the outermost corner by. 0.01: at the edge of a 60
+    /// degree field, a third of a degree.
     pub sigma_share: f64,
-    /// Largest correlation of two parameters, 0 to 1. That of fx with fy is exempt: their common scale is always known less
-    /// well than their ratio.
+    /// Largest correlation of two parameters, 0 to 1. That of fx with fy is exempt: their common scale is always known
+    /// less well than their ratio.
     pub correlation: f64,
     /// Smallest angle between the two most different target planes, radians. Parallel planes constrain the camera once
     /// only, however many there are.

@@ -1,20 +1,22 @@
 //! Calibration of a camera from images of a planar target (Zhang 2000).
 //!
-//! Problem: points of known position on a plane (the corners of a checkerboard) were found in several images, the target at
-//! an unknown pose in each. Estimate fx, fy, cx, cy (no skew) and the lens, the pose of every view, and how well they are
-//! known. [`calibrate`] is the whole method:
+//! Problem: points of known position on a plane (the corners of a checkerboard) were found in several images, the
+//! target at an unknown pose in each. Estimate fx, fy, cx, cy (no skew) and the lens, the pose of every view, and how
+//! well they are known. [`calibrate`] is the whole method:
 //!
 //! 1. a homography a view ([`crate::homography::fit`]);
-//! 2. intrinsics from the image of the absolute conic ([`closed_form_intrinsics`]), with fall-backs ([`IntrinsicsStart`]);
+//! 2. intrinsics from the image of the absolute conic ([`closed_form_intrinsics`]), with fall-backs
+//!    ([`IntrinsicsStart`]);
 //! 3. the pose of every view in closed form ([`pose_from_homography`]);
 //! 4. k1 and k2 by linear least squares (a fisheye starts from an equidistant lens instead);
 //! 5. Levenberg-Marquardt over everything, the poses eliminated view by view;
 //! 6. covariance of every parameter and pose, residuals, and warnings where the views do not constrain the camera.
 //!
-//! Degenerate: planes parallel to the image do not contain the focal length; parallel planes, or one view repeated, give
-//! two constraints only; corners near the image centre do not contain the lens; both are answered by standard deviations
-//! (infinite ones included) and [`CalibrationWarning`]s that name the parameters. Fewer views or corners than unknowns is
-//! an error with the counts. Not for targets that are not flat to a fraction of a pixel: their shape goes into the lens.
+//! Degenerate: planes parallel to the image do not contain the focal length; parallel planes, or one view repeated,
+//! give two constraints only; corners near the image centre do not contain the lens; both are answered by standard
+//! deviations (infinite ones included) and [`CalibrationWarning`]s that name the parameters. Fewer views or corners
+//! than unknowns is an error with the counts. Not for targets that are not flat to a fraction of a pixel: their shape
+//! goes into the lens.
 //!
 //! Source: Zhang, A Flexible New Technique for Camera Calibration, IEEE PAMI 22 (2000). Derivation: `docs/math`.
 
@@ -43,8 +45,8 @@ const MIN_VIEWS: usize = 2;
 
 /// Calibrates a camera with an image of `width` x `height` pixels.
 ///
-/// Views without a homography (fewer than four corners, collinear corners) are left out with a warning. O(corners) a step,
-/// usually 5 to 15 steps.
+/// Views without a homography (fewer than four corners, collinear corners) are left out with a warning. O(corners) a
+/// step, usually 5 to 15 steps.
 ///
 /// # Errors
 /// [`CalibrationError`]: a corner that is not finite, fewer than two usable views, fewer equations than unknowns, an option or

@@ -1,16 +1,18 @@
-//! Full refinement (Zhang 2000, section 3.2 and Eq. 14): Levenberg-Marquardt over the camera and the pose of every view.
+//! Full refinement (Zhang 2000, section 3.2 and Eq. 14): Levenberg-Marquardt over the camera and the pose of every
+//! view.
 //!
-//! Minimise sum rho(|pixel - project(camera, pose_v X)|^2 / sigma^2) / 2 over the p <= 12 free parameters of the camera and
-//! 6 of every pose, pose * exp(delta). A pose touches the corners of its own view only, so the normal equations are an
-//! arrow: with U = sum Jc^T Jc, W_v = Jc^T Jp, V_v = Jp^T Jp the poses are eliminated view by view,
+//! Minimise sum rho(|pixel - project(camera, pose_v X)|^2 / sigma^2) / 2 over the p <= 12 free parameters of the camera
+//! and 6 of every pose, pose * exp(delta). A pose touches the corners of its own view only, so the normal equations are
+//! an arrow: with U = sum Jc^T Jc, W_v = Jc^T Jp, V_v = Jp^T Jp the poses are eliminated view by view,
 //!
 //! (U - sum W_v V_v^-1 W_v^T) dc = g_c - sum W_v V_v^-1 g_v, then dp_v = V_v^-1 (g_v - W_v^T dc).
 //!
 //! Cost O(corners (p + 6)^2 + views p^2 6 + p^3) a step; nothing grows with the square of the views. The damping is
-//! Marquardt's, on the diagonal, so the units of the parameters do not matter. A step that puts a corner behind the camera or
-//! past the fold of the lens is refused.
+//! Marquardt's, on the diagonal, so the units of the parameters do not matter. A step that puts a corner behind the
+//! camera or past the fold of the lens is refused.
 //!
-//! Degenerate: directions that no corner sees have a singular reduced matrix; the damping holds them where they started.
+//! Degenerate: directions that no corner sees have a singular reduced matrix; the damping holds them where they
+//! started.
 
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, Vector6};
 

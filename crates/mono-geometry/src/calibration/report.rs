@@ -16,9 +16,9 @@ pub struct Calibration {
     pub model: LensModel,
     /// The estimated parameters, in the order of [`Camera::parameters`]; a fixed k3 is not among them.
     pub parameters: Vec<ParameterEstimate>,
-    /// Covariance of the parameters, p x p in their order: the inverse of the information with the poses eliminated, times
-    /// [`Self::variance_factor`]. Row and column of a parameter that the views do not fix at all are zero, but for an
-    /// infinite diagonal.
+    /// Covariance of the parameters, p x p in their order: the inverse of the information with the poses eliminated,
+    /// times [`Self::variance_factor`]. Row and column of a parameter that the views do not fix at all are zero, but
+    /// for an infinite diagonal.
     ///
     /// With a robust loss it is that of the re-weighted problem at the solution.
     pub covariance: DMatrix<f64>,
@@ -29,18 +29,18 @@ pub struct Calibration {
     pub condition: f64,
     /// The views that were used, in the order given.
     pub views: Vec<ViewReport>,
-    /// Root mean square over all corners of the distance between found and projected pixel (both coordinates together, as
-    /// OpenCV reports it).
+    /// Root mean square over all corners of the distance between found and projected pixel (both coordinates together,
+    /// as OpenCV reports it).
     pub rms_px: f64,
     /// Mean of that distance, pixels.
     pub mean_error_px: f64,
-    /// Sum of squared normalised residuals over the degrees of freedom: 1 if the sigmas given are right. The covariances
-    /// contain it.
+    /// Sum of squared normalised residuals over the degrees of freedom: 1 if the sigmas given are right. The
+    /// covariances contain it.
     pub variance_factor: f64,
     /// 2 corners - parameters - 6 views.
     pub degrees_of_freedom: usize,
-    /// Normalised undistorted radius (tangent of the angle off the axis) of the outermost corner: what lies beyond it in
-    /// the image is extrapolated.
+    /// Normalised undistorted radius (tangent of the angle off the axis) of the outermost corner: what lies beyond it
+    /// in the image is extrapolated.
     pub max_corner_radius: f64,
     /// Where the intrinsics started.
     pub start: IntrinsicsStart,
@@ -79,8 +79,8 @@ pub struct ViewReport {
     pub view: usize,
     /// Pose of the target: maps its points to camera axes.
     pub camera_from_board: Se3,
-    /// Covariance of (rho, omega) in pose * exp(rho, omega) (target axes; metres, radians), the uncertainty of the camera
-    /// included. `None` if the views leave a parameter of the camera open.
+    /// Covariance of (rho, omega) in pose * exp(rho, omega) (target axes; metres, radians), the uncertainty of the
+    /// camera included. `None` if the views leave a parameter of the camera open.
     pub pose_covariance: Option<Matrix6<f64>>,
     /// Found minus projected pixel of every corner, in the order given.
     pub residuals_px: Vec<Vector2<f64>>,

@@ -1,12 +1,12 @@
 //! Where the refinement starts: homographies, intrinsics and poses of all views, first lens coefficients.
 //!
 //! Perspective lenses (Zhang 2000, sections 3.1 and 3.3): a homography a view; intrinsics in closed form, or with the
-//! principal point at the image centre, or with an assumed focal length; of these the one whose poses reproduce the corners
-//! best. Then k1 and k2 by linear least squares from what is left of the residuals, g = 1 + k1 r^2 + k2 r^4.
+//! principal point at the image centre, or with an assumed focal length; of these the one whose poses reproduce the
+//! corners best. Then k1 and k2 by linear least squares from what is left of the residuals, g = 1 + k1 r^2 + k2 r^4.
 //!
-//! Fisheyes see no homography: the pixels are first taken through an equidistant lens, |pixel - centre| = f theta, whose
-//! f is searched over the angles 20 to 110 degrees at half the longer side; of these the one whose poses reproduce the
-//! corners best.
+//! Fisheyes see no homography: the pixels are first taken through an equidistant lens, |pixel - centre| = f theta,
+//! whose f is searched over the angles 20 to 110 degrees at half the longer side; of these the one whose poses
+//! reproduce the corners best.
 
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
@@ -191,7 +191,7 @@ fn pose(camera: &Camera, view: &UsableView<'_>) -> Option<Se3> {
             normalized.push(point);
         }
     }
-    let fit = homography::fit(&board, &normalized).ok()?;
+    let through_lens = homography::rough(&board, &normalized)?;
     let unit = Pinhole {
         width: 1,
         height: 1,
@@ -202,7 +202,7 @@ fn pose(camera: &Camera, view: &UsableView<'_>) -> Option<Se3> {
     };
     let count = board.len() as f64;
     let middle = board.iter().map(|b| b / count).sum();
-    pose_from_homography(&unit, &fit.homography, &middle)
+    pose_from_homography(&unit, &through_lens, &middle)
 }
 
 fn perspective_camera(

@@ -4,8 +4,8 @@
 //! columns are orthonormal only up to noise; the nearest rotation in the Frobenius norm replaces them. The sign of H is
 //! positive at the middle of the corners, so the target is in front of the camera.
 //!
-//! Degenerate: a1 or a2 vanishes (no view of a plane). A strong perspective with wrong correspondences puts some corners
-//! behind the camera; the caller checks that all of them project.
+//! Degenerate: a1 or a2 vanishes (no view of a plane). A strong perspective with wrong correspondences puts some
+//! corners behind the camera; the caller checks that all of them project.
 
 use nalgebra::{Matrix3, Vector2};
 
@@ -14,8 +14,8 @@ use crate::homography::Homography;
 use crate::linalg::nearest_rotation;
 use crate::se3::Se3;
 
-/// `camera_from_board` of a homography board -> ideal pixel, `middle` a board point in front of the camera; `None` for a
-/// homography that is not the view of a plane. O(1).
+/// `camera_from_board` of a homography board -> ideal pixel, `middle` a board point in front of the camera; `None` for
+/// a homography that is not the view of a plane. O(1).
 #[must_use]
 pub fn pose_from_homography(
     pinhole: &Pinhole,

@@ -31,14 +31,14 @@ pub enum CalibrationWarning {
         /// The largest that goes unmentioned.
         limit: f64,
     },
-    /// A combination of parameters is known less well than any limit allows: the direction in which the views constrain the
-    /// camera least.
+    /// A combination of parameters is known less well than any limit allows: the direction in which the views constrain
+    /// the camera least.
     #[error(
         "the views do not constrain the combination {}: standard deviation {sigmas_over_limit} times the limit", combination(.terms)
     )]
     WeakCombination {
-        /// Parameters that take part (share above 0.3 of the unit vector), the largest first. Shares are in units of each
-        /// parameter's own limit.
+        /// Parameters that take part (share above 0.3 of the unit vector), the largest first. Shares are in units of
+        /// each parameter's own limit.
         terms: Vec<(&'static str, f64)>,
         /// Standard deviation along the combination over the limit; infinite if the views do not fix it.
         sigmas_over_limit: f64,

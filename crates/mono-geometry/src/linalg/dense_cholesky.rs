@@ -81,7 +81,7 @@ impl DenseCholesky {
         if rows == 0 && right.is_empty() {
             return Ok(());
         }
-        if rows == 0 || right.len() % rows != 0 {
+        if rows == 0 || !right.len().is_multiple_of(rows) {
             return Err(GeometryError::Shape {
                 rows,
                 columns: right.len(),
