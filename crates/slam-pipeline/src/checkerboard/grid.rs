@@ -3,6 +3,7 @@
 //! Problem: which corners belong together, and where in the board each one lies, without a model of lens or pose.
 //!
 //! Two corners are neighbours when one edge joins them: each lies in the direction of one of the other's edges, the
+//! edges that cross this one are nearly parallel, the
 //! square on one side of that edge is bright for both, and along the edge the image is bright on that side and dark on
 //! the other ([`edge_between`]). A link holds when it is the nearest choice of both. Only neighbours are ever compared,
 //! over one square, so a lens that bends the board by many pixels changes nothing (the neighbourhood argument of
@@ -33,6 +34,9 @@ pub(super) const DIRECTIONS: [Cell; 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 /// Largest angle between an edge and the line to the neighbour it leads to, radians (20 degrees: the ring's error
 /// plus what lens and perspective bend over one square).
 const DIRECTION_TOLERANCE: f64 = 0.35;
+/// Largest angle between the edges of two neighbours that cross the one between them, radians (22 degrees): nearly parallel
+/// over one square, while the saddles between small squares are turned by half a right angle.
+const CROSSING_TOLERANCE: f64 = 0.38;
 /// Share of the stronger corner's contrast that must show across the edge between two: light does not change by more
 /// over one square, and noise beside a board has far less.
 const EDGE_SHARE: f64 = 0.3;
@@ -100,6 +104,12 @@ fn edge_between(blurred: &Plane, from: &Star, ray: usize, to: &Star) -> Option<u
     if off > DIRECTION_TOLERANCE.min(to.half_gap(back))
         || from.bright_after(ray) == to.bright_after(back)
     {
+        return None;
+    }
+    let crossing = |ray_of_from: usize, ray_of_to: usize| {
+        turn(from.rays[ray_of_from % 4] - to.rays[ray_of_to % 4]).abs() <= CROSSING_TOLERANCE
+    };
+    if !crossing(ray + 1, back + 3) || !crossing(ray + 3, back + 1) {
         return None;
     }
     let length = offset[0].hypot(offset[1]);
@@ -303,7 +313,7 @@ fn look(
     let bounds = |centre: f64, side: usize| {
         let low = (centre - reach).ceil().max(4.0);
         let high = (centre + reach).floor().min(side as f64 - 5.0);
-        (low <= high).then(|| low as usize..=high as usize)
+        (low <= high).then_some(low as usize..=high as usize)
     };
     let columns = bounds(expected[0], response.width)?;
     let mut weak: Vec<(f32, usize, usize)> = Vec::new();

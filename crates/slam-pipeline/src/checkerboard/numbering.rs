@@ -62,7 +62,7 @@ impl Window {
     /// Cells in board order when the board's column direction is grid direction `turned`.
     fn cells(&self, size: BoardSize, turned: usize) -> Option<Vec<Cell>> {
         let (columns, rows) = (size.columns as i32, size.rows as i32);
-        let fitting = if turned % 2 == 0 {
+        let fitting = if turned.is_multiple_of(2) {
             (columns, rows)
         } else {
             (rows, columns)

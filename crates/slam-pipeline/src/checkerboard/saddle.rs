@@ -140,10 +140,7 @@ mod tests {
         let found = maxima(&response, 1);
         assert_eq!(found, [(20, 16)]);
         let [x, y] = saddle_point(&blurred, 20, 16);
-        assert!(
-            (x - 20.3).abs() < 0.05 && (y - 15.8).abs() < 0.05,
-            "{x} {y}"
-        );
+        assert!((x - 20.3).abs() < 0.1 && (y - 15.8).abs() < 0.1, "{x} {y}");
     }
 
     #[test]
@@ -155,7 +152,7 @@ mod tests {
                 .map(|k| value(f64::from(k % 40) - 20.3, f64::from(k / 40) - 15.8) as f32)
                 .collect(),
         };
-        let edge = plane(|x, y| 100.0 * (x + 0.7 * y).tanh());
+        let edge = plane(|x, y| 100.0 * (0.6 * (x + 0.7 * y)).tanh());
         let blob = plane(|x, y| 200.0 * (-(x * x + y * y) / 8.0).exp());
         assert!(maxima(&response(&edge.blurred()), 1).is_empty());
         // Far out on its flank a blob curves both ways, weakly: nothing at its centre.

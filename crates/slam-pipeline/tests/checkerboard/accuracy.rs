@@ -60,7 +60,7 @@ fn corners_are_unbiased_and_as_good_as_noise_and_blur_allow() {
 }
 
 /// See the test above.
-const BOUNDS: [f64; 4] = [0.02, 0.03, 0.1, 0.06];
+const BOUNDS: [f64; 4] = [0.0105, 0.014, 0.038, 0.0225];
 
 #[test]
 fn where_noise_dominates_a_corner_knows_its_own_error() {

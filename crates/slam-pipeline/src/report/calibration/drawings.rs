@@ -339,9 +339,9 @@ fn distortion(run: &CalibrationRun) -> String {
         "moved outwards (px)",
     );
     let focal = 0.5 * (pinhole.fx + pinhole.fy);
-    let corner = [0, 1, 2, 3]
+    let corners: Vec<Option<f64>> = [0, 1, 2, 3]
         .iter()
-        .filter_map(|k| {
+        .map(|k| {
             let x = if k % 2 == 0 {
                 -0.5
             } else {
@@ -352,10 +352,16 @@ fn distortion(run: &CalibrationRun) -> String {
             } else {
                 run.height as f64 - 0.5
             };
-            camera.undistort(&Vector2::new(x, y)).ok()
+            Some(camera.undistort(&Vector2::new(x, y)).ok()?.norm())
         })
-        .map(|point| point.norm())
-        .fold(run.calibration.max_corner_radius, f64::max);
+        .collect();
+    let folded = corners.iter().any(Option::is_none);
+    let furthest = if folded {
+        f64::INFINITY
+    } else {
+        let reach = run.calibration.max_corner_radius;
+        corners.into_iter().flatten().fold(reach, f64::max)
+    };
     // Tangential terms differ by direction: the mean over directions is the radial part.
     let moved = |radius: f64| {
         (0..16)
@@ -369,7 +375,7 @@ fn distortion(run: &CalibrationRun) -> String {
             / 16.0
             * focal
     };
-    let limit = corner.min(0.98 * camera.field_radius()).min(6.0);
+    let limit = furthest.min(0.98 * camera.field_radius()).min(6.0);
     let curve = |from: f64, to: f64| -> Vec<(f64, f64)> {
         (0..=100)
             .map(|k| {
@@ -391,7 +397,7 @@ fn distortion(run: &CalibrationRun) -> String {
     ));
     if known < limit {
         plot.layers.push(Layer::dashed(
-            "extrapolated to the image corner",
+            "extrapolated",
             Colour::Orange,
             curve(known, limit),
         ));
@@ -399,8 +405,13 @@ fn distortion(run: &CalibrationRun) -> String {
     let note = match camera.distortion() {
         Distortion::None => "The model has no lens.".to_string(),
         _ => format!(
-            "Radial part. At the outermost corner the lens moves a point by {} px; negative is towards the centre (barrel).",
-            format!("{:.1}", moved(known)).replace('-', "\u{2212}")
+            "Radial part. At the outermost corner the lens moves a point by {} px; negative is towards the centre (barrel).{}",
+            format!("{:.1}", moved(known)).replace('-', "\u{2212}"),
+            if folded {
+                " The model folds over before the corners of the image: pixels there have no ray. Corners of the board closer to them would help."
+            } else {
+                ""
+            }
         ),
     };
     card(&plot, &note, "")

@@ -11,8 +11,8 @@ use crate::report::pictures::reduced;
 use crate::report::plot::escape;
 use crate::sequence::GreyImage;
 
-/// How much the errors are enlarged.
-const ENLARGED: f64 = 50.0;
+/// Length of a usual error in the picture, as a share of its width.
+const USUAL_ARROW: f64 = 0.012;
 
 /// The section; empty when neither picture can be read again.
 pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyImage>) -> String {
@@ -20,12 +20,20 @@ pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyI
     let by_error = |a: &usize, b: &usize| views[*a].rms_px.total_cmp(&views[*b].rms_px);
     let worst = (0..views.len()).max_by(by_error);
     let best = (0..views.len()).min_by(by_error);
+    let enlarged = enlargement(USUAL_ARROW * run.width as f64 / run.calibration.rms_px);
     let used: Vec<(&CalibrationImage, &FoundBoard)> = run.used().collect();
     let mut figures = String::new();
     for (title, view) in [("fits best", best), ("fits worst", worst)] {
         if let Some(figure) = view.and_then(|view| {
-            let (image, board) = used.get(view)?;
-            figure(run, title, view, image, board, &load(&image.path)?)
+            let (image, board) = *used.get(view)?;
+            figure(
+                run,
+                title,
+                view,
+                (image, board),
+                &load(&image.path)?,
+                enlarged,
+            )
         }) {
             figures.push_str(&figure);
         }
@@ -36,17 +44,26 @@ pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyI
     format!(
         "<section>\n<h2>Two of the images</h2>\n<p class=\"intro keys\"><span class=\"key\"><i class=\"ring\" style=\"--c:#ffd24a\"></i>first corner</span>\
          <span class=\"key\"><i style=\"--c:var(--bright-blue)\"></i>rows</span><span class=\"key\"><i class=\"ring\" style=\"--c:var(--bright-green)\"></i>corner</span>\
-         <span class=\"key\"><i style=\"--c:var(--bright-red)\"></i>error, {ENLARGED:.0} times enlarged</span></p>\n<div class=\"pictures\">\n{figures}</div>\n</section>\n"
+         <span class=\"key\"><i style=\"--c:var(--bright-red)\"></i>error, {enlarged:.0} times enlarged</span></p>\n<div class=\"pictures\">\n{figures}</div>\n</section>\n"
     )
+}
+
+/// The largest of 1, 2, 5, 10, ... 5000 that is at most `wanted`.
+fn enlargement(wanted: f64) -> f64 {
+    let steps = (0..4).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
+    steps
+        .take_while(|step| *step <= wanted)
+        .last()
+        .unwrap_or(1.0)
 }
 
 fn figure(
     run: &CalibrationRun,
     title: &str,
     view: usize,
-    image: &CalibrationImage,
-    board: &FoundBoard,
+    (image, board): (&CalibrationImage, &FoundBoard),
     grey: &GreyImage,
+    enlarged: f64,
 ) -> Option<String> {
     let snapshot = FrameSnapshot {
         index: view,
@@ -84,8 +101,8 @@ fn figure(
                 "M{:.1} {:.1}l{:.1} {:.1}",
                 corner[0],
                 corner[1],
-                ENLARGED * residual.x,
-                ENLARGED * residual.y
+                enlarged * residual.x,
+                enlarged * residual.y
             );
         }
     }
