@@ -1,5 +1,6 @@
 //! The command line of `cargo xtask`: every command and flag in one place.
 
+use crate::board::SetSpec;
 use crate::scene::SceneSpec;
 use crate::synth_eval::Options;
 use anyhow::{anyhow, bail, ensure};
@@ -13,8 +14,10 @@ cargo xtask <command>
 
 scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
       render a sequence with ground truth; LEVELS is the pixel noise at mid grey
+board --out DIR [--count N] [--seed S] [--width PX] [--noise LEVELS]
+      render pictures of a 9x6 checkerboard with its true corners and camera, for mono-slam calibrate
 fixtures [--check]
-      rewrite fixtures/wall, or verify that it is what would be written
+      rewrite fixtures/wall and fixtures/board, or verify that they are what would be written
 synth-eval [--quick] [--seeds N] [--out DIR]
       compare the filters on N rendered walls; results, table and figures go to DIR (out/synth-eval)
 tidy  check the rules of the tree
@@ -32,6 +35,13 @@ pub enum Command {
         out: PathBuf,
         /// What to render.
         spec: SceneSpec,
+    },
+    /// Render pictures of a checkerboard into a folder.
+    Board {
+        /// The folder.
+        out: PathBuf,
+        /// What to render.
+        spec: SetSpec,
     },
     /// Rewrite the fixtures, or verify them.
     Fixtures {
@@ -53,20 +63,21 @@ pub enum Command {
 pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Command> {
     let mut parser = lexopt::Parser::from_args(arguments);
     let name = match parser.next()? {
-        None => bail!("a command is required: scene, fixtures, synth-eval, tidy or ci"),
+        None => bail!("a command is required: scene, board, fixtures, synth-eval, tidy or ci"),
         Some(Long("help") | Short('h')) => return Ok(Command::Help),
         Some(Value(name)) => name.string()?,
         Some(other) => return Err(other.unexpected().into()),
     };
     match name.as_str() {
         "scene" => scene(&mut parser),
+        "board" => board(&mut parser),
         "fixtures" => fixtures(&mut parser),
         "synth-eval" => synth_eval(&mut parser),
         "tidy" => alone(&mut parser, Command::Tidy),
         "ci" => alone(&mut parser, Command::Ci),
         "help" => Ok(Command::Help),
         other => Err(anyhow!(
-            "no command `{other}`: use scene, fixtures, synth-eval, tidy or ci"
+            "no command `{other}`: use scene, board, fixtures, synth-eval, tidy or ci"
         )),
     }
 }
@@ -96,6 +107,41 @@ fn scene(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
     let out = out.ok_or_else(|| anyhow!("scene needs --out SEQ"))?;
     ensure!(!out.as_os_str().is_empty(), "--out must not be empty");
     Ok(Command::Scene { out, spec })
+}
+
+fn board(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
+    let (mut out, mut spec) = (None, SetSpec::small(20, 1));
+    spec.image = (640, 480);
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("out") => out = Some(PathBuf::from(parser.value()?)),
+            Long("count") => spec.count = parser.value()?.parse()?,
+            Long("seed") => spec.seed = parser.value()?.parse()?,
+            Long("width") => spec.image.0 = parser.value()?.parse()?,
+            Long("noise") => spec.look.noise = parser.value()?.parse()?,
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected().into()),
+        }
+    }
+    ensure!(
+        (1..=1000).contains(&spec.count),
+        "--count must be from 1 to 1000, not {}",
+        spec.count
+    );
+    ensure!(
+        (160..=8000).contains(&spec.image.0),
+        "--width must be from 160 to 8000 pixels, not {}",
+        spec.image.0
+    );
+    ensure!(
+        (0.0..=50.0).contains(&spec.look.noise),
+        "--noise must be from 0 to 50 levels, not {}",
+        spec.look.noise
+    );
+    spec.image.1 = spec.image.0 * 3 / 4;
+    let out = out.ok_or_else(|| anyhow!("board needs --out DIR"))?;
+    ensure!(!out.as_os_str().is_empty(), "--out must not be empty");
+    Ok(Command::Board { out, spec })
 }
 
 fn fixtures(parser: &mut lexopt::Parser) -> anyhow::Result<Command> {
@@ -164,6 +210,16 @@ mod tests {
                 spec
             }
         );
+        let mut board = SetSpec::small(7, 5);
+        board.image = (800, 600);
+        board.look.noise = 2.5;
+        assert_eq!(
+            read("board --out b --count 7 --seed 5 --width 800 --noise 2.5").unwrap(),
+            Command::Board {
+                out: "b".into(),
+                spec: board
+            }
+        );
         assert_eq!(
             read("fixtures --check").unwrap(),
             Command::Fixtures { check: true }
@@ -197,6 +253,10 @@ mod tests {
             ("scene --out x --frames 1", "1"),
             ("scene --out x --seed -3", "-3"),
             ("scene --out x --noise-px", "--noise-px"),
+            ("board", "--out"),
+            ("board --out b --count 0", "--count"),
+            ("board --out b --width 20", "--width"),
+            ("board --out b --noise nan", "--noise"),
             ("tidy up", "up"),
             ("fixtures --all", "--all"),
             ("synth-eval --seeds 0", "--seeds"),

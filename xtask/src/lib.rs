@@ -1,5 +1,6 @@
 //! Workspace tasks as a library: scenes with exact truth, fixtures, the gate.
 
+pub mod board;
 pub mod ci;
 pub mod fixtures;
 pub mod flags;

@@ -8,7 +8,7 @@
 
 use std::process::ExitCode;
 use xtask::flags::{self, Command};
-use xtask::{ci, fixtures, scene::Scene, synth_eval, tidy, workspace_root};
+use xtask::{board, ci, fixtures, scene::Scene, synth_eval, tidy, workspace_root};
 
 fn main() -> ExitCode {
     let command = match flags::parse(std::env::args_os().skip(1)) {
@@ -32,6 +32,10 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Help => print!("{}", flags::HELP),
         Command::Scene { out, spec } => {
             Scene::new(spec)?.write(&out)?;
+            println!("{}", out.display());
+        }
+        Command::Board { out, spec } => {
+            board::write_set(&spec, &out)?;
             println!("{}", out.display());
         }
         Command::Fixtures { check: true } => fixtures::check(&workspace_root())?,

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io::{self, Write as _};
 
+use slam_pipeline::calibrate::CalibrateError;
 use slam_pipeline::evaluation::EvaluationError;
 use slam_pipeline::output::OutputError;
 use slam_pipeline::run::RunError;
@@ -59,6 +60,12 @@ impl From<RunError> for Failure {
             }
             RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
         }
+    }
+}
+
+impl From<CalibrateError> for Failure {
+    fn from(error: CalibrateError) -> Self {
+        Failure::input(error.to_string())
     }
 }
 

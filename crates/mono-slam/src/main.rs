@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{camera, config, eval, features, match_images, report, run};
+use commands::{calibrate, camera, config, eval, features, match_images, report, run};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -34,6 +34,8 @@ enum Command {
     Features(features::Arguments),
     /// Match two images
     Match(match_images::Arguments),
+    /// Calibrate a camera from images of a checkerboard
+    Calibrate(calibrate::Arguments),
     /// Convert a camera calibration between camera.toml, Kalibr, OpenCV and ROS
     Camera(camera::Arguments),
     /// Print the default configuration with every key explained
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Features(arguments) => features::run(&arguments),
         Command::Match(arguments) => match_images::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Camera(arguments) => camera::run(&arguments),
         Command::Config => config::run(),
         Command::Eval(arguments) => eval::run(&arguments),

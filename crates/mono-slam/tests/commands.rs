@@ -225,6 +225,111 @@ fn report_draws_the_page_again() {
     );
 }
 
+fn board_images() -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/board/images");
+    folder.to_str().unwrap().to_string()
+}
+
+#[test]
+fn calibrate_writes_a_camera_and_a_page() {
+    let scratch = Scratch::new();
+    let blank = scratch.path().join("blank.png");
+    image::GrayImage::from_pixel(320, 240, image::Luma([90]))
+        .save(&blank)
+        .unwrap();
+    let out = scratch.path().join("camera.toml");
+    let arguments = |model: &str| {
+        let images = board_images();
+        mono_slam(&[
+            "calibrate",
+            &images,
+            blank.to_str().unwrap(),
+            "--board",
+            "9x6",
+            "--square",
+            "0.04",
+            "--model",
+            model,
+            "--out",
+            out.to_str().unwrap(),
+        ])
+    };
+    let output = arguments("radtan");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(
+        text.starts_with("8 boards in 9 images of 320x240 pixels\nnot used: "),
+        "{text}"
+    );
+    assert!(
+        text.contains("blank.png: no corner of a checkerboard\n"),
+        "{text}"
+    );
+    assert!(output.stderr.is_empty());
+    let camera = fs::read_to_string(&out).unwrap();
+    assert!(
+        camera.contains("[distortion]\nmodel = \"radtan\"\nk1 = "),
+        "{camera}"
+    );
+    let page = fs::read_to_string(scratch.path().join("camera.html")).unwrap();
+    assert!(page.contains("<h1>Camera calibration</h1>") && page.contains("blank.png"));
+    // Equal images, equal bytes.
+    let again = arguments("radtan");
+    assert_eq!(again.stdout, output.stdout);
+    assert_eq!(fs::read_to_string(&out).unwrap(), camera);
+    for model in ["pinhole", "radtan4", "kannala-brandt"] {
+        assert_eq!(
+            code(&arguments(model)),
+            0,
+            "{model}: {}",
+            stderr(&arguments(model))
+        );
+    }
+}
+
+#[test]
+fn calibrate_refuses_in_one_sentence() {
+    let scratch = Scratch::new();
+    let out = scratch.path().join("camera.toml");
+    let out = out.to_str().unwrap();
+    let images = board_images();
+    let first = Path::new(&images).join("board_00.png");
+    let calibrate = |image: &str, board: &str, square: &str| {
+        mono_slam(&[
+            "calibrate",
+            image,
+            "--board",
+            board,
+            "--square",
+            square,
+            "--out",
+            out,
+        ])
+    };
+    assert_refused(
+        &calibrate(first.to_str().unwrap(), "9x6", "0.04"),
+        2,
+        "1 board in 1 image, required: at least 3",
+    );
+    assert_refused(
+        &calibrate(&images, "8x6", "0.04"),
+        2,
+        "0 boards in 8 images, required: at least 3 (",
+    );
+    let nothing = scratch.path().to_str().unwrap();
+    assert_refused(
+        &calibrate(nothing, "9x6", "0.04"),
+        2,
+        "expected at least one .png",
+    );
+    for (board, square) in [("9", "0.04"), ("9x6", "0"), ("9x6", "nan")] {
+        let output = calibrate(&images, board, square);
+        assert_eq!(code(&output), 2);
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty());
+    }
+    assert!(!Path::new(out).exists());
+}
+
 const KALIBR: &str = "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.8e-05]\n  \
     distortion_model: radtan\n  intrinsics: [458.654, 457.296, 367.215, 248.375]\n  resolution: [752, 480]\n\
     left:\n  camera_model: pinhole\n  distortion_coeffs: [-0.0137, 0.0207, -0.0127, 0.0025]\n  \

@@ -8,6 +8,8 @@
 //! Reading order: [`slam`] (the frame loop), [`filter`] (the estimator),
 //! [`frontend`] (keypoints to landmarks), then what surrounds them.
 
+pub mod calibrate;
+pub mod checkerboard;
 pub mod config;
 pub mod evaluation;
 pub mod filter;

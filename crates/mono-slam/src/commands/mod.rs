@@ -1,5 +1,6 @@
 //! One file a command: its arguments and what it does.
 
+pub(crate) mod calibrate;
 pub(crate) mod camera;
 pub(crate) mod config;
 pub(crate) mod eval;

@@ -9,6 +9,7 @@
 //! the input (names, notes, configuration) is escaped.
 
 mod birdseye;
+mod calibration;
 mod charts;
 mod figures;
 mod pictures;
@@ -16,6 +17,8 @@ pub mod plot;
 mod units;
 
 use std::fmt::Write as _;
+
+pub use calibration::{plain_warning, render_calibration_html};
 
 use crate::output::run_figures;
 use crate::record::RunRecord;

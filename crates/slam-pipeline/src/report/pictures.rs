@@ -123,7 +123,7 @@ fn mark(keypoint: &DrawnKeypoint) -> String {
 }
 
 /// The picture at most [`WIDEST_PIXELS`] wide, by averaging blocks.
-fn reduced(snapshot: &FrameSnapshot) -> Cow<'_, FrameSnapshot> {
+pub(super) fn reduced(snapshot: &FrameSnapshot) -> Cow<'_, FrameSnapshot> {
     let factor = snapshot.width.div_ceil(WIDEST_PIXELS);
     let fits = snapshot.width.checked_mul(snapshot.height) == Some(snapshot.pixels.len());
     if factor <= 1 || !fits || snapshot.height < factor {

@@ -19,7 +19,7 @@ pub struct GreyImage {
 }
 
 /// Image files of a folder in lexical order of their names.
-pub(super) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let unreadable = |source| SequenceError::Read {
         path: folder.to_path_buf(),
         source,
@@ -55,6 +55,14 @@ pub(super) fn check_sizes(images: &[PathBuf], camera: &CameraFile) -> Result<(),
 pub(super) fn load_grey(path: &Path, camera: &CameraFile) -> Result<GreyImage, SequenceError> {
     let (width, height) = decoded(path, open(path).and_then(ImageReader::into_dimensions))?;
     check_size(path, width, height, camera)?;
+    read_grey(path)
+}
+
+/// Decodes a PNG or JPEG file of any size to grey.
+///
+/// # Errors
+/// [`SequenceError`] when the file cannot be read or is no whole image.
+pub fn read_grey(path: &Path) -> Result<GreyImage, SequenceError> {
     let grey = decoded(path, open(path).and_then(ImageReader::decode))?.into_luma8();
     Ok(GreyImage {
         width: grey.width() as usize,

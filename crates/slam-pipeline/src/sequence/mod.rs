@@ -30,7 +30,8 @@ pub use camera::{
     CameraFile, CameraFormat, DistortionFile, MountFile, calibration_text, read_calibration,
 };
 pub use error::SequenceError;
-pub use images::GreyImage;
+pub(crate) use images::list_images;
+pub use images::{GreyImage, read_grey};
 pub use odometry::{MAX_ANGULAR_SPEED_RADPS, MAX_SPEED_MPS, OdometryRow};
 pub use tum::{StampedPose, parse_tum, read_tum};
 

@@ -1,0 +1,468 @@
+//! Sub-pixel corners: a picture of the corner fitted to the pixels.
+//!
+//! Problem: the place of a corner to a few hundredths of a pixel, with its own standard deviation.
+//!
+//! Two straight edges through c with directions a_1, a_2, blurred by Gaussians s_1, s_2, on a slanted ground:
+//!
+//!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),
+//!   d_k = (-sin a_k, cos a_k) . (p - c) - b_k / 2 ((cos a_k, sin a_k) . (p - c))^2
+//!
+//! The bends b_k of the edges are given ([`super::measure`]). The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
+//! the squares ([`Window`]). All pixels along
+//! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
+//! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
+//! uses the same pixels with weights that grow with noise. For edges at a right angle under one blur the product is
+//! exact; for others it is not, but model and image both map to themselves by a half turn about c, so nothing
+//! pulls c aside. Two widths let motion blur spread one edge more than the other.
+//!
+//! Steps: start from the saddle and its edges; fit; give up when the fit leaves the window, flips its contrast or
+//! has no positive definite normal matrix.
+//!
+//! Degenerate: a window that contains a neighbouring corner (it ends at 0.4 squares); a corner without edges on
+//! one side of the image border.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::plane::Plane;
+
+/// Number of parameters: c (2), directions (2), log widths (2), contrast, ground level, slope (2).
+const N: usize = 10;
+/// Iterations after which the fit is taken as failed.
+const MOST_ITERATIONS: usize = 40;
+/// A step of c below this ends the fit, pixels: a hundredth of the best standard deviation to be had.
+const SMALLEST_STEP_PX: f64 = 1e-4;
+/// Blur that is believed, pixels: a pixel's own square has 0.29.
+const WIDTH_RANGE: (f64, f64) = (0.2, 8.0);
+/// Share of a square around a corner in which no other corner shows.
+const OWN_SHARE: f64 = 0.4;
+/// Least share of the window that lies on the image.
+const LEAST_INSIDE: f64 = 0.6;
+
+/// The pixels a corner is fitted to: an ellipse in the axes of its squares, cut by a disc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    /// Pixels to squares, row by row.
+    squares: [f64; 4],
+    /// Radius of the disc, pixels.
+    reach: f64,
+}
+
+impl Window {
+    /// From the sides of a square at the corner, pixels; `None` when they are parallel.
+    ///
+    /// Within [`OWN_SHARE`] of a square no other corner shows, however the board is tilted; beyond a fifth of one the
+    /// bending of the lens would.
+    pub(super) fn new(side: [f64; 2], other: [f64; 2]) -> Option<Window> {
+        let determinant = side[0] * other[1] - side[1] * other[0];
+        let longer = side[0].hypot(side[1]).max(other[0].hypot(other[1]));
+        (determinant.abs() > f64::EPSILON * longer * longer).then(|| Window {
+            squares: [other[1], -other[0], -side[1], side[0]].map(|entry| entry / determinant),
+            reach: (0.2 * longer).clamp(6.0, 24.0),
+        })
+    }
+
+    /// Half the narrow way across, pixels.
+    pub(super) fn narrowest(&self) -> f64 {
+        let [a, b, c, d] = self.squares;
+        // The largest singular value is below the Frobenius norm and above 0.7 of it.
+        (OWN_SHARE / (a * a + b * b + c * c + d * d).sqrt()).min(self.reach)
+    }
+
+    fn holds(&self, x: f64, y: f64) -> bool {
+        let [a, b, c, d] = self.squares;
+        (a * x + b * y).hypot(c * x + d * y) <= OWN_SHARE && x.hypot(y) <= self.reach
+    }
+}
+
+/// A fitted corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fit {
+    /// Pixels of the plane.
+    pub(super) position: [f64; 2],
+    /// Directions of the two edges, radians.
+    pub(super) directions: [f64; 2],
+    /// Number of pixels in the window.
+    pub(super) pixels: usize,
+    /// Bright minus dark, grey levels.
+    pub(super) contrast: f64,
+    /// Standard deviations of the edges' blur, pixels.
+    pub(super) widths: [f64; 2],
+    /// Standard deviation of the position by the fit, root mean square of x and y, pixels.
+    pub(super) sigma_px: f64,
+}
+
+/// What a fit may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Freedom {
+    /// All ten parameters.
+    Full,
+    /// The blur is that given and the ground level: for windows of few pixels, where these follow the noise.
+    Stiff,
+}
+
+impl Freedom {
+    fn holds(self, parameter: usize) -> bool {
+        self == Freedom::Stiff && matches!(parameter, 4 | 5 | 8 | 9)
+    }
+}
+
+/// Where a fit starts, pixels of the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shape {
+    /// The corner.
+    pub(super) position: [f64; 2],
+    /// Directions of its two edges, radians.
+    pub(super) directions: [f64; 2],
+    /// Curvatures of the edges towards (-sin, cos) of their directions, held.
+    pub(super) bends: [f64; 2],
+    /// Standard deviation of the blur.
+    pub(super) width: f64,
+}
+
+/// Fits a corner from its start over the pixels of `window`.
+pub(super) fn fit(plane: &Plane, shape: &Shape, window: &Window, freedom: Freedom) -> Option<Fit> {
+    let &Shape {
+        position,
+        directions,
+        bends,
+        width,
+    } = shape;
+    let pixels = inside(plane, position, window)?;
+    let furthest = window.narrowest();
+    let mut state = start(&pixels, position, directions, bends, width)?;
+    let (mut normal, mut gradient, mut cost) = linearised(&pixels, &state, bends, freedom);
+    let mut damping = 1e-3;
+    let mut settled = false;
+    for _ in 0..MOST_ITERATIONS {
+        let mut damped = normal;
+        for k in 0..N {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&gradient);
+        let mut next = state - step;
+        for k in 4..6 {
+            next[k] = next[k].clamp(WIDTH_RANGE.0.ln(), WIDTH_RANGE.1.ln());
+        }
+        if (next[0] - position[0]).hypot(next[1] - position[1]) > furthest {
+            return None;
+        }
+        let (next_normal, next_gradient, next_cost) = linearised(&pixels, &next, bends, freedom);
+        if next_cost.is_finite() && next_cost <= cost {
+            let moved = step[0].hypot(step[1]);
+            (state, normal, gradient, cost) = (next, next_normal, next_gradient, next_cost);
+            damping = (0.2 * damping).max(1e-9);
+            if moved < SMALLEST_STEP_PX {
+                settled = true;
+                break;
+            }
+        } else {
+            damping *= 8.0;
+            if damping > 1e9 {
+                // No direction lowers the cost any more: rounding.
+                settled = true;
+                break;
+            }
+        }
+    }
+    let factor = normal.cholesky()?;
+    let estimated = (0..N).filter(|&k| !freedom.holds(k)).count();
+    let variance = cost / (pixels.len() - estimated) as f64;
+    let spread = |axis: usize| {
+        let mut unit = SVector::<f64, N>::zeros();
+        unit[axis] = 1.0;
+        factor.solve(&unit)[axis] * variance
+    };
+    let sigma_px = (0.5 * (spread(0) + spread(1))).max(0.0).sqrt();
+    let upright = (state[2] - directions[0]).abs() < 0.8 && (state[3] - directions[1]).abs() < 0.8;
+    (settled && upright && sigma_px.is_finite()).then(|| Fit {
+        position: [state[0], state[1]],
+        directions: [state[2], state[3]],
+        contrast: 2.0 * state[6].abs(),
+        pixels: pixels.len(),
+        widths: [state[4].exp(), state[5].exp()],
+        sigma_px,
+    })
+}
+
+/// (x, y, grey level) of the pixels of a window.
+fn inside(plane: &Plane, centre: [f64; 2], window: &Window) -> Option<Vec<[f64; 3]>> {
+    let reach = window.reach.ceil() as i64;
+    let (middle_x, middle_y) = (centre[0].round() as i64, centre[1].round() as i64);
+    let (mut pixels, mut all) = (Vec::new(), 0_usize);
+    for y in middle_y - reach..=middle_y + reach {
+        for x in middle_x - reach..=middle_x + reach {
+            if !window.holds(x as f64 - centre[0], y as f64 - centre[1]) {
+                continue;
+            }
+            all += 1;
+            if let (Ok(column), Ok(row)) = (usize::try_from(x), usize::try_from(y))
+                && column < plane.width
+                && row < plane.height
+            {
+                pixels.push([x as f64, y as f64, f64::from(plane.at(column, row))]);
+            }
+        }
+    }
+    (pixels.len() > 2 * N && pixels.len() as f64 >= LEAST_INSIDE * all as f64).then_some(pixels)
+}
+
+/// The level and contrast that fit best with the geometry given.
+fn start(
+    pixels: &[[f64; 3]],
+    position: [f64; 2],
+    directions: [f64; 2],
+    bends: [f64; 2],
+    width: f64,
+) -> Option<SVector<f64, N>> {
+    let mut state = SVector::<f64, N>::zeros();
+    (state[0], state[1]) = (position[0], position[1]);
+    (state[2], state[3]) = (directions[0], directions[1]);
+    (state[4], state[5]) = (width.ln(), width.ln());
+    state[6] = 1.0;
+    let count = pixels.len() as f64;
+    let (mut m, mut v, mut mm, mut mv) = (0.0, 0.0, 0.0, 0.0);
+    for pixel in pixels {
+        let shape = model(&state, bends, pixel).0;
+        m += shape;
+        v += pixel[2];
+        mm += shape * shape;
+        mv += shape * pixel[2];
+    }
+    let spread = mm - m * m / count;
+    if spread <= f64::EPSILON * mm {
+        return None;
+    }
+    state[6] = (mv - m * v / count) / spread;
+    state[7] = (v - state[6] * m) / count;
+    Some(state)
+}
+
+/// J^T J, J^T r and r^T r of the residuals model minus pixel.
+fn linearised(
+    pixels: &[[f64; 3]],
+    state: &SVector<f64, N>,
+    bends: [f64; 2],
+    freedom: Freedom,
+) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
+    let mut normal = SMatrix::<f64, N, N>::zeros();
+    let mut gradient = SVector::<f64, N>::zeros();
+    let mut cost = 0.0;
+    for pixel in pixels {
+        let (value, row) = model(state, bends, pixel);
+        let residual = value - pixel[2];
+        for i in 0..N {
+            gradient[i] += row[i] * residual;
+            for j in 0..=i {
+                normal[(i, j)] += row[i] * row[j];
+            }
+        }
+        cost += residual * residual;
+    }
+    for i in 0..N {
+        for j in 0..i {
+            normal[(j, i)] = normal[(i, j)];
+        }
+    }
+    for k in (0..N).filter(|&k| freedom.holds(k)) {
+        normal.row_mut(k).fill(0.0);
+        normal.column_mut(k).fill(0.0);
+        normal[(k, k)] = 1.0;
+        gradient[k] = 0.0;
+    }
+    (normal, gradient, cost)
+}
+
+/// The model at a pixel and its derivatives by the parameters.
+fn model(state: &SVector<f64, N>, bends: [f64; 2], pixel: &[f64; 3]) -> (f64, [f64; N]) {
+    let (x, y) = (pixel[0] - state[0], pixel[1] - state[1]);
+    let edge = |direction: f64, bend: f64, log_width: f64| {
+        let (sin, cos) = direction.sin_cos();
+        let scale = (-log_width).exp() * std::f64::consts::FRAC_1_SQRT_2;
+        let along = cos * x + sin * y;
+        let across = cos * y - sin * x;
+        let off = across - 0.5 * bend * along * along;
+        let (value, slope) = erf(off * scale);
+        // Derivatives by c_x, c_y, direction and log width.
+        let by = slope * scale;
+        let derivatives = [
+            by * (sin + bend * along * cos),
+            by * (bend * along * sin - cos),
+            -by * along * (1.0 + bend * across),
+            -by * off,
+        ];
+        (value, derivatives)
+    };
+    let (first, d_first) = edge(state[2], bends[0], state[4]);
+    let (second, d_second) = edge(state[3], bends[1], state[5]);
+    let contrast = state[6];
+    let row = [
+        contrast * (d_first[0] * second + first * d_second[0]) - state[8],
+        contrast * (d_first[1] * second + first * d_second[1]) - state[9],
+        contrast * d_first[2] * second,
+        contrast * first * d_second[2],
+        contrast * d_first[3] * second,
+        contrast * first * d_second[3],
+        first * second,
+        1.0,
+        x,
+        y,
+    ];
+    let value = contrast * first * second + state[7] + state[8] * x + state[9] * y;
+    (value, row)
+}
+
+/// erf and its derivative; Abramowitz and Stegun 7.1.26, error below 1.5e-7.
+fn erf(t: f64) -> (f64, f64) {
+    let size = t.abs();
+    let gauss = (-size * size).exp();
+    let u = 1.0 / (1.0 + 0.327_591_1 * size);
+    let polynomial = u
+        * (0.254_829_592
+            + u * (-0.284_496_736
+                + u * (1.421_413_741 + u * (-1.453_152_027 + u * 1.061_405_429))));
+    let value = (1.0 - polynomial * gauss).copysign(t);
+    (value, std::f64::consts::FRAC_2_SQRT_PI * gauss)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> SVector<f64, N> {
+        SVector::from([
+            12.3,
+            11.6,
+            0.3,
+            1.7,
+            0.9_f64.ln(),
+            1.3_f64.ln(),
+            55.0,
+            120.0,
+            0.4,
+            -0.3,
+        ])
+    }
+
+    fn plane(state: &SVector<f64, N>) -> Plane {
+        Plane {
+            width: 25,
+            height: 24,
+            values: (0..25 * 24)
+                .map(|k| model(state, BENDS, &[f64::from(k % 25), f64::from(k / 25), 0.0]).0 as f32)
+                .collect(),
+        }
+    }
+
+    const BENDS: [f64; 2] = [0.004, -0.002];
+
+    fn near(position: [f64; 2], directions: [f64; 2], width: f64) -> Shape {
+        Shape {
+            position,
+            directions,
+            bends: BENDS,
+            width,
+        }
+    }
+
+    fn wide() -> Window {
+        Window::new([38.0, 6.0], [-5.0, 40.0]).unwrap()
+    }
+
+    #[test]
+    fn the_window_follows_the_squares() {
+        let slanted = Window::new([20.0, 0.0], [4.0, 8.0]).unwrap();
+        // 0.39 of either side is inside, 0.41 is not; the disc of 6 px cuts the long one.
+        assert!(slanted.holds(0.39 * 4.0, 0.39 * 8.0) && !slanted.holds(0.41 * 4.0, 0.41 * 8.0));
+        assert!(slanted.holds(5.9, 0.0) && !slanted.holds(6.1, 0.0));
+        assert!(slanted.narrowest() > 2.5 && slanted.narrowest() < 3.3);
+        assert!(Window::new([3.0, 1.0], [6.0, 2.0]).is_none());
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let truth = state();
+        for pixel in [[10.0, 12.0, 0.0], [15.0, 9.0, 0.0], [12.0, 11.0, 0.0]] {
+            let (_, row) = model(&truth, BENDS, &pixel);
+            for k in 0..N {
+                let step = 1e-5;
+                let mut moved = [truth, truth];
+                moved[0][k] -= step;
+                moved[1][k] += step;
+                let difference = (model(&moved[1], BENDS, &pixel).0
+                    - model(&moved[0], BENDS, &pixel).0)
+                    / (2.0 * step);
+                // The rational erf is smooth only to 1.5e-7, here times 55 over 2e-5.
+                assert!(
+                    (row[k] - difference).abs() < 2e-3 * row[k].abs().max(10.0),
+                    "{k}: {} {difference}",
+                    row[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_of_the_model_gives_its_parameters_back() {
+        let truth = state();
+        let found = fit(
+            &plane(&truth),
+            &near([13.1, 11.0], [0.2, 1.85], 1.0),
+            &wide(),
+            Freedom::Full,
+        )
+        .unwrap();
+        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
+        assert!((found.position[1] - 11.6).abs() < 1e-4);
+        assert!((found.directions[1] - 1.7).abs() < 1e-3);
+        assert!((found.widths[0] - 0.9).abs() < 1e-3 && (found.widths[1] - 1.3).abs() < 1e-3);
+        assert!(found.sigma_px < 1e-4);
+    }
+
+    #[test]
+    fn a_stiff_fit_finds_the_place_in_a_small_window() {
+        let mut truth = state();
+        (truth[4], truth[5], truth[8], truth[9]) = (1.1_f64.ln(), 1.1_f64.ln(), 0.0, 0.0);
+        let small = Window::new([16.0, 5.0], [-2.0, 7.5]).unwrap();
+        let place = near([12.7, 11.3], [0.2, 1.85], 1.1);
+        let found = fit(&plane(&truth), &place, &small, Freedom::Stiff).unwrap();
+        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
+        assert!((found.position[1] - 11.6).abs() < 1e-4);
+        assert!((found.widths[0] - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_flat_window_has_no_contrast_and_a_cropped_one_no_corner() {
+        let mut flat = plane(&state());
+        flat.values.fill(80.0);
+        assert!(
+            fit(
+                &flat,
+                &near([12.0, 12.0], [0.2, 1.8], 1.0),
+                &wide(),
+                Freedom::Full
+            )
+            .is_none_or(|found| found.contrast < 1e-6)
+        );
+        assert!(
+            fit(
+                &plane(&state()),
+                &near([0.5, 0.5], [0.2, 1.8], 1.0),
+                &wide(),
+                Freedom::Full
+            )
+            .is_none()
+        );
+    }
+
+    #[test]
+    fn val_abramowitz_stegun_erf() {
+        for (t, expected) in [
+            (0.0, 0.0),
+            (0.5, 0.520_499_9),
+            (1.0, 0.842_700_8),
+            (-2.0, -0.995_322_3),
+        ] {
+            assert!((erf(t).0 - expected).abs() < 2e-7, "{t}");
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! From rendered images to a camera within its own covariance, and the files the command writes.
+
+use mono_geometry::calibration::LensModel;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use slam_pipeline::calibrate::{
+    CalibrateError, CalibrationRun, CalibrationSettings, Outcome, calibrate_images, camera_toml,
+    image_files,
+};
+use slam_pipeline::report::render_calibration_html;
+use slam_pipeline::run::camera_of;
+use slam_pipeline::sequence::{read_calibration, read_grey};
+use std::path::PathBuf;
+use xtask::board::{Renderer, SetSpec, poses};
+
+const SETTINGS: CalibrationSettings = CalibrationSettings {
+    board: crate::common::BOARD.size,
+    square_m: 0.04,
+    model: LensModel::RadtanK3,
+};
+
+/// A folder that goes away.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Scratch {
+        let path =
+            std::env::temp_dir().join(format!("mono-slam-board-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Scratch(path)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // Leaving a folder behind is no reason to fail a test.
+        drop(std::fs::remove_dir_all(&self.0));
+    }
+}
+
+fn fixture() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/board")
+}
+
+fn calibrated(folder: &std::path::Path) -> CalibrationRun {
+    let files = image_files(&[folder.join("images")]).unwrap();
+    calibrate_images(&files, &SETTINGS, &|| {}).unwrap()
+}
+
+/// Normalised squared error of the estimated camera parameters.
+fn nees(run: &CalibrationRun, truth: &[f64]) -> f64 {
+    let calibration = &run.calibration;
+    let count = calibration.parameters.len();
+    let error = DVector::from_fn(count, |k, _| calibration.parameters[k].value - truth[k]);
+    // The scales differ by a million: divide them out before the factorisation.
+    let sigma: Vec<f64> = calibration.parameters.iter().map(|p| p.sigma).collect();
+    let scaled = DMatrix::from_fn(count, count, |i, j| {
+        calibration.covariance[(i, j)] / (sigma[i] * sigma[j])
+    });
+    let whitened = error.component_div(&DVector::from_column_slice(&sigma));
+    whitened.dot(&scaled.cholesky().unwrap().solve(&whitened))
+}
+
+#[test]
+fn rendered_images_give_the_camera_within_its_own_covariance() {
+    const SEEDS: u64 = 20;
+    // One lens for all seeds, so the way through it is computed once.
+    let mut spec = SetSpec::small(8, 0);
+    spec.look.noise = 4.0;
+    spec.look.clutter = false;
+    let camera = spec.camera().unwrap();
+    let renderer = Renderer::new(camera);
+    let folder = Scratch::new("nees");
+    let values: Vec<(f64, usize)> = (0..SEEDS)
+        .into_par_iter()
+        .map(|seed| {
+            let files: Vec<PathBuf> = poses(&spec.board, &camera, 8, 500 + seed)
+                .iter()
+                .enumerate()
+                .map(|(k, pose)| {
+                    let picture = renderer
+                        .render(&spec.board, pose, &spec.look, seed, k as u64)
+                        .image;
+                    let file = folder.0.join(format!("{seed}-{k}.png"));
+                    image::GrayImage::from_raw(320, 240, picture.pixels)
+                        .unwrap()
+                        .save(&file)
+                        .unwrap();
+                    file
+                })
+                .collect();
+            let run = calibrate_images(&files, &SETTINGS, &|| {}).unwrap();
+            assert_eq!(run.calibration.views.len(), 8, "seed {seed}");
+            (
+                nees(&run, camera.parameters().as_slice()),
+                run.calibration.parameters.len(),
+            )
+        })
+        .collect();
+    let sum: f64 = values.iter().map(|value| value.0).sum();
+    let dimension = values[0].1;
+    // The sum is chi-square with seeds x dimension degrees, as long as the estimate is linear in the noise.
+    let degrees = SEEDS as f64 * dimension as f64;
+    let band = 4.5 * (2.0 * degrees).sqrt();
+    println!("NEES {:.2} of {dimension}", sum / SEEDS as f64);
+    assert!(
+        (sum - degrees).abs() < band,
+        "{sum} not within {band} of {degrees}"
+    );
+}
+
+#[test]
+fn the_fixture_is_calibrated_the_same_on_any_number_of_threads() {
+    let run = calibrated(&fixture());
+    assert_eq!(run.calibration.views.len(), run.images.len());
+    assert!(run.calibration.rms_px < 0.1, "{}", run.calibration.rms_px);
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        assert_eq!(
+            pool.install(|| calibrated(&fixture())),
+            run,
+            "{threads} threads"
+        );
+    }
+    let text = camera_toml(&run).unwrap();
+    let folder = Scratch::new("toml");
+    let file = folder.0.join("camera.toml");
+    std::fs::write(&file, &text).unwrap();
+    let read = camera_of(&read_calibration(&file, None, None).unwrap())
+        .unwrap()
+        .0;
+    assert_eq!(read, run.calibration.camera);
+    let fx = run.calibration.parameter("fx").unwrap();
+    assert!(
+        text.contains(&format!("fx = {}   # +- ", fx.value)),
+        "{text}"
+    );
+    assert!(
+        text.contains("from 8 of 8 images") && text.contains("model = \"radtan\""),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_page_stands_alone_and_names_every_image() {
+    let run = calibrated(&fixture());
+    let page = render_calibration_html(&run, &|path| read_grey(path).ok());
+    for image in &run.images {
+        assert!(page.contains(&image.name()));
+    }
+    assert!(page.contains("data:image/png;base64,") && page.contains("fits worst"));
+    for foreign in ["http://", "https://", "<script", "NaN", "inf "] {
+        let rest = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!rest.contains(foreign), "{foreign}");
+    }
+    let without = render_calibration_html(&run, &|_| None);
+    assert!(!without.contains("data:image") && without.ends_with("</html>\n"));
+}
+
+#[test]
+fn images_that_do_not_serve_are_named_with_the_reason() {
+    let folder = Scratch::new("mixed");
+    let mut files = image_files(&[fixture().join("images")]).unwrap();
+    let broken = folder.0.join("broken.png");
+    std::fs::write(&broken, b"no image").unwrap();
+    let other = folder.0.join("other.png");
+    image::GrayImage::from_pixel(100, 90, image::Luma([50]))
+        .save(&other)
+        .unwrap();
+    let blank = folder.0.join("blank.png");
+    image::GrayImage::from_pixel(320, 240, image::Luma([50]))
+        .save(&blank)
+        .unwrap();
+    files.extend([broken, other, blank, folder.0.join("missing.png")]);
+    let run = calibrate_images(&files, &SETTINGS, &|| {}).unwrap();
+    assert_eq!(run.calibration.views.len(), 8);
+    let reasons: Vec<String> = run
+        .images
+        .iter()
+        .filter_map(|image| image.reason())
+        .collect();
+    assert!(
+        reasons[0].contains("expected a whole PNG or JPEG image"),
+        "{reasons:?}"
+    );
+    assert_eq!(run.images[9].outcome, Outcome::OtherSize(100, 90));
+    assert_eq!(reasons[2], "no corner of a checkerboard");
+    assert!(reasons[3].contains("cannot be read"), "{reasons:?}");
+
+    let few = [files[0].clone(), files[1].clone(), files[10].clone()];
+    let error = calibrate_images(&few, &SETTINGS, &|| {}).unwrap_err();
+    assert!(matches!(
+        error,
+        CalibrateError::TooFewBoards {
+            found: 2,
+            images: 3,
+            ..
+        }
+    ));
+    assert_eq!(
+        error.to_string(),
+        "2 boards in 3 images, required: at least 3 (blank.png: no corner of a checkerboard)"
+    );
+}

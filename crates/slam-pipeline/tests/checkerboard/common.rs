@@ -1,0 +1,75 @@
+//! A board, a camera, pictures of them.
+
+use mono_geometry::{Camera, Se3, so3};
+use nalgebra::Vector3;
+use slam_pipeline::checkerboard::BoardSize;
+use std::sync::{Arc, OnceLock};
+use xtask::board::{Board, Look, Picture, Renderer, SetSpec, poses};
+
+/// The board of most tests.
+pub(crate) const BOARD: Board = Board {
+    size: BoardSize {
+        columns: 9,
+        rows: 6,
+    },
+    square_m: 0.04,
+};
+
+/// A camera of the given width with visible distortion.
+pub(crate) fn camera(width: usize) -> Camera {
+    let spec = SetSpec {
+        image: (width, width * 3 / 4),
+        ..SetSpec::small(1, 1)
+    };
+    spec.camera().unwrap()
+}
+
+/// The renderer of a width, made once for a width of 480.
+pub(crate) fn renderer(width: usize) -> Arc<Renderer> {
+    static USUAL: OnceLock<Arc<Renderer>> = OnceLock::new();
+    let new = || Arc::new(Renderer::new(camera(width)));
+    if width == 480 {
+        USUAL.get_or_init(new).clone()
+    } else {
+        new()
+    }
+}
+
+/// Pictures at random poses.
+pub(crate) fn pictures(
+    board: &Board,
+    width: usize,
+    look: &Look,
+    count: usize,
+    seed: u64,
+) -> Vec<Picture> {
+    let camera = camera(width);
+    let renderer = renderer(width);
+    poses(board, &camera, count, seed)
+        .iter()
+        .enumerate()
+        .map(|(k, pose)| renderer.render(board, pose, look, seed, k as u64))
+        .collect()
+}
+
+/// A board whose centre is straight ahead at `depth`, turned about the vertical axis, then in the image.
+pub(crate) fn ahead(board: &Board, depth: f64, tilt: f64, turn: f64) -> Se3 {
+    let rotation =
+        so3::exp(&Vector3::new(0.0, 0.0, turn)) * so3::exp(&Vector3::new(0.0, tilt, 0.0));
+    let middle = Vector3::new(
+        0.5 * board.square_m * (board.size.columns - 1) as f64,
+        0.5 * board.square_m * (board.size.rows - 1) as f64,
+        0.0,
+    );
+    Se3::new(rotation, Vector3::new(0.0, 0.0, depth) - rotation * middle)
+}
+
+/// Largest distance of found corners from the truth, pixels.
+pub(crate) fn worst(found: &[[f64; 2]], truth: &[[f64; 2]]) -> f64 {
+    assert_eq!(found.len(), truth.len());
+    found
+        .iter()
+        .zip(truth)
+        .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
+        .fold(0.0, f64::max)
+}
