@@ -31,6 +31,8 @@ pub(super) type Grid = BTreeMap<Cell, (usize, usize)>;
 /// Grid directions in the order of growing angles.
 pub(super) const DIRECTIONS: [Cell; 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 
+/// Stars looked at around each; between a corner and its neighbours there is nothing but noise.
+const NEAREST: usize = 120;
 /// Largest angle between an edge and the line to the neighbour it leads to, radians (20 degrees: the ring's error
 /// plus what lens and perspective bend over one square).
 const DIRECTION_TOLERANCE: f64 = 0.35;
@@ -72,17 +74,26 @@ pub(super) fn grids(blurred: &Plane, stars: &[Star]) -> Vec<Grid> {
 /// For every star and edge the nearest star that the edge leads to.
 fn choices(blurred: &Plane, stars: &[Star]) -> Links {
     let mut links = vec![[None; 4]; stars.len()];
+    let mut by_distance: Vec<(f64, usize)> = Vec::with_capacity(stars.len());
     for (index, from) in stars.iter().enumerate() {
-        let mut near: Vec<(f64, usize, usize)> = Vec::new();
-        for (other, to) in stars.iter().enumerate() {
-            let offset = difference(to.position, from.position);
-            let (ray, off) = from.nearest_ray(offset[1].atan2(offset[0]));
-            if other != index && off <= DIRECTION_TOLERANCE.min(from.half_gap(ray)) {
-                near.push((offset[0].hypot(offset[1]), other, ray));
-            }
+        by_distance.clear();
+        by_distance.extend(stars.iter().enumerate().map(|(other, to)| {
+            let [x, y] = difference(to.position, from.position);
+            (x * x + y * y, other)
+        }));
+        let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        if by_distance.len() > NEAREST {
+            by_distance.select_nth_unstable_by(NEAREST, order);
+            by_distance.truncate(NEAREST);
         }
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for &(_, other, ray) in &near {
+        by_distance.sort_unstable_by(order);
+        let near = by_distance.iter().filter_map(|&(_, other)| {
+            let offset = difference(stars[other].position, from.position);
+            let (ray, off) = from.nearest_ray(offset[1].atan2(offset[0]));
+            let towards = other != index && off <= DIRECTION_TOLERANCE.min(from.half_gap(ray));
+            towards.then_some((other, ray))
+        });
+        for (other, ray) in near {
             if links[index][ray].is_none()
                 && let Some(back) = edge_between(blurred, from, ray, &stars[other])
             {

@@ -220,9 +220,10 @@ fn start(
     (state[4], state[5]) = (width.ln(), width.ln());
     state[6] = 1.0;
     let count = pixels.len() as f64;
+    let edges = Edge::both(&state, bends);
     let (mut m, mut v, mut mm, mut mv) = (0.0, 0.0, 0.0, 0.0);
     for pixel in pixels {
-        let shape = model(&state, bends, pixel).0;
+        let shape = model(&state, &edges, pixel).0;
         m += shape;
         v += pixel[2];
         mm += shape * shape;
@@ -247,8 +248,9 @@ fn linearised(
     let mut normal = SMatrix::<f64, N, N>::zeros();
     let mut gradient = SVector::<f64, N>::zeros();
     let mut cost = 0.0;
+    let edges = Edge::both(state, bends);
     for pixel in pixels {
-        let (value, row) = model(state, bends, pixel);
+        let (value, row) = model(state, &edges, pixel);
         let residual = value - pixel[2];
         for i in 0..N {
             gradient[i] += row[i] * residual;
@@ -272,17 +274,40 @@ fn linearised(
     (normal, gradient, cost)
 }
 
-/// The model at a pixel and its derivatives by the parameters.
-fn model(state: &SVector<f64, N>, bends: [f64; 2], pixel: &[f64; 3]) -> (f64, [f64; N]) {
-    let (x, y) = (pixel[0] - state[0], pixel[1] - state[1]);
-    let edge = |direction: f64, bend: f64, log_width: f64| {
-        let (sin, cos) = direction.sin_cos();
-        let scale = (-log_width).exp() * std::f64::consts::FRAC_1_SQRT_2;
-        let along = cos * x + sin * y;
-        let across = cos * y - sin * x;
+/// What the model needs of an edge at every pixel.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    sin: f64,
+    cos: f64,
+    bend: f64,
+    /// 1 / (sqrt 2 width).
+    scale: f64,
+}
+
+impl Edge {
+    fn both(state: &SVector<f64, N>, bends: [f64; 2]) -> [Edge; 2] {
+        [0, 1].map(|k| {
+            let (sin, cos) = state[2 + k].sin_cos();
+            Edge {
+                sin,
+                cos,
+                bend: bends[k],
+                scale: (-state[4 + k]).exp() * std::f64::consts::FRAC_1_SQRT_2,
+            }
+        })
+    }
+
+    /// The edge's profile at a place relative to the corner, and its derivatives by c_x, c_y, direction and log width.
+    fn profile(&self, x: f64, y: f64) -> (f64, [f64; 4]) {
+        let Edge {
+            sin,
+            cos,
+            bend,
+            scale,
+        } = *self;
+        let (along, across) = (cos * x + sin * y, cos * y - sin * x);
         let off = across - 0.5 * bend * along * along;
         let (value, slope) = erf(off * scale);
-        // Derivatives by c_x, c_y, direction and log width.
         let by = slope * scale;
         let derivatives = [
             by * (sin + bend * along * cos),
@@ -291,9 +316,14 @@ fn model(state: &SVector<f64, N>, bends: [f64; 2], pixel: &[f64; 3]) -> (f64, [f
             -by * off,
         ];
         (value, derivatives)
-    };
-    let (first, d_first) = edge(state[2], bends[0], state[4]);
-    let (second, d_second) = edge(state[3], bends[1], state[5]);
+    }
+}
+
+/// The model at a pixel and its derivatives by the parameters.
+fn model(state: &SVector<f64, N>, edges: &[Edge; 2], pixel: &[f64; 3]) -> (f64, [f64; N]) {
+    let (x, y) = (pixel[0] - state[0], pixel[1] - state[1]);
+    let (first, d_first) = edges[0].profile(x, y);
+    let (second, d_second) = edges[1].profile(x, y);
     let contrast = state[6];
     let row = [
         contrast * (d_first[0] * second + first * d_second[0]) - state[8],
@@ -348,7 +378,14 @@ mod tests {
             width: 25,
             height: 24,
             values: (0..25 * 24)
-                .map(|k| model(state, BENDS, &[f64::from(k % 25), f64::from(k / 25), 0.0]).0 as f32)
+                .map(|k| {
+                    model(
+                        state,
+                        &Edge::both(state, BENDS),
+                        &[f64::from(k % 25), f64::from(k / 25), 0.0],
+                    )
+                    .0 as f32
+                })
                 .collect(),
         }
     }
@@ -382,14 +419,14 @@ mod tests {
     fn derivatives_agree_with_differences() {
         let truth = state();
         for pixel in [[10.0, 12.0, 0.0], [15.0, 9.0, 0.0], [12.0, 11.0, 0.0]] {
-            let (_, row) = model(&truth, BENDS, &pixel);
+            let (_, row) = model(&truth, &Edge::both(&truth, BENDS), &pixel);
             for k in 0..N {
                 let step = 1e-5;
                 let mut moved = [truth, truth];
                 moved[0][k] -= step;
                 moved[1][k] += step;
-                let difference = (model(&moved[1], BENDS, &pixel).0
-                    - model(&moved[0], BENDS, &pixel).0)
+                let difference = (model(&moved[1], &Edge::both(&moved[1], BENDS), &pixel).0
+                    - model(&moved[0], &Edge::both(&moved[0], BENDS), &pixel).0)
                     / (2.0 * step);
                 // The rational erf is smooth only to 1.5e-7, here times 55 over 2e-5.
                 assert!(

@@ -12,6 +12,7 @@
 //! than 75 degrees from their normal) merge two arcs on the small circle and are refused.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::LazyLock;
 
 use super::plane::Plane;
 
@@ -27,6 +28,10 @@ const UNDECIDED_SHARE: f64 = 0.12;
 const STRAIGHT_TOLERANCE: f64 = 40.0 * PI / 180.0;
 /// Mean difference of opposite samples, as a share of the contrast.
 const ASYMMETRY: f64 = 0.3;
+
+/// Sine and cosine of every sample's direction.
+static DIRECTIONS: LazyLock<[(f64, f64); SAMPLES]> =
+    LazyLock::new(|| std::array::from_fn(|k| (TAU * k as f64 / SAMPLES as f64).sin_cos()));
 
 /// A place with four edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,10 +71,10 @@ impl Star {
     }
 }
 
-/// An angle in (-pi, pi].
+/// An angle in [-pi, pi].
 pub(super) fn turn(angle: f64) -> f64 {
-    let rest = angle.rem_euclid(TAU);
-    if rest > PI { rest - TAU } else { rest }
+    // Sums of a few angles: a remainder would cost more than the rest of the ring.
+    angle - TAU * (angle / TAU).round()
 }
 
 /// The star at a place of the blurred plane, if there is one.
@@ -81,8 +86,7 @@ pub(super) fn star(blurred: &Plane, position: [f64; 2]) -> Option<Star> {
 
 fn star_at(blurred: &Plane, position: [f64; 2], radius: f64) -> Option<Star> {
     let mut ring = [0.0_f64; SAMPLES];
-    for (k, value) in ring.iter_mut().enumerate() {
-        let (sin, cos) = (TAU * k as f64 / SAMPLES as f64).sin_cos();
+    for (value, &(sin, cos)) in ring.iter_mut().zip(DIRECTIONS.iter()) {
         *value = f64::from(blurred.sample(position[0] + radius * cos, position[1] + radius * sin)?);
     }
     let mut sorted = ring;

@@ -152,9 +152,17 @@ fn the_page_stands_alone_and_names_every_image() {
         assert!(page.contains(&image.name()));
     }
     assert!(page.contains("data:image/png;base64,") && page.contains("fits worst"));
+    // Pictures as text may hold any letters.
+    let mut parts = page.split("base64,");
+    let mut words = parts
+        .next()
+        .unwrap()
+        .replace("http://www.w3.org/2000/svg", "");
+    for part in parts {
+        words.push_str(&part[part.find('"').unwrap()..].replace("http://www.w3.org/2000/svg", ""));
+    }
     for foreign in ["http://", "https://", "<script", "NaN", "inf "] {
-        let rest = page.replace("http://www.w3.org/2000/svg", "");
-        assert!(!rest.contains(foreign), "{foreign}");
+        assert!(!words.contains(foreign), "{foreign}");
     }
     let without = render_calibration_html(&run, &|_| None);
     assert!(!without.contains("data:image") && without.ends_with("</html>\n"));

@@ -37,7 +37,7 @@ pub fn plain_warning(run: &CalibrationRun, warning: &CalibrationWarning) -> Stri
         } => {
             let names: Vec<&str> = terms.iter().map(|term| term.0).collect();
             format!(
-                "the images hardly fix {} together ({} times the uncertainty allowed): tilt the board more",
+                "the images hardly fix {} together ({} times the uncertainty allowed): tilt the board more, or choose a simpler lens model",
                 names.join(", "),
                 if sigmas_over_limit.is_finite() {
                     three_digits(*sigmas_over_limit)
