@@ -46,8 +46,8 @@ pub(super) fn cards(run: &CalibrationRun) -> String {
         let (other, _) = with_sigma(fy.0, fy.1);
         cards.push((
             "Focal length",
-            format!("{value} px"),
-            format!("± {sigma}; along rows {other}"),
+            format!("{:.1} px", fx.0),
+            format!("{value} ± {sigma}, down the columns {other}"),
         ));
     }
     if let (Some(cx), Some(cy)) = (estimate("cx"), estimate("cy")) {
