@@ -1,6 +1,6 @@
 //! Pictures of a checkerboard with known truth: to try `mono-slam calibrate` without a camera, and to test it.
 //!
-//! [`poses`] draws poses at which the whole board is visible, [`Renderer`] draws the images (see [`render`]), [`write_set`]
+//! [`poses`] draws poses at which the whole board is visible, [`Renderer`] draws the images (see `render`), [`write_set`]
 //! puts a set into a folder: `images/board_NN.png`, the true `camera.toml`, and `corners.csv` with every true corner.
 
 mod pose;

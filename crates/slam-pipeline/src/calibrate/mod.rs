@@ -4,7 +4,7 @@
 //! cannot be read and images without a whole board are kept by name with the reason ([`Outcome`]); the corners of the
 //! others go to [`mono_geometry::calibration`]; [`camera_toml`] writes the result for a sequence folder.
 //!
-//! A corner weighs by the standard deviation of its own fit and [`FLOOR_PX`] together: corners of small or blurred squares are
+//! A corner weighs by the standard deviation of its own fit and a floor of 0.01 px together: corners of small or blurred squares are
 //! several times worse than those of large sharp ones. Only the ratios count; the scale of the standard deviations of the
 //! result comes from the residuals.
 //!
