@@ -59,11 +59,11 @@ fn hat2(t: &[Dual]) -> DualMatrix<3> {
     [[O, -t[2], t[0]], [t[2], O, t[1]], [O, O, O]]
 }
 
-fn hat3(w: &[Dual]) -> DualMatrix<3> {
+pub(crate) fn hat3(w: &[Dual]) -> DualMatrix<3> {
     [[O, -w[2], w[1]], [w[2], O, -w[0]], [-w[1], w[0], O]]
 }
 
-fn hat6(t: &[Dual]) -> DualMatrix<4> {
+pub(crate) fn hat6(t: &[Dual]) -> DualMatrix<4> {
     [
         [O, -t[5], t[4], t[0]],
         [t[5], O, -t[3], t[1]],

@@ -12,7 +12,7 @@ use crate::common::BOARD;
 /// `MONO_SLAM_DATA`, or `../shared/data` beside the workspace.
 fn data() -> Option<PathBuf> {
     let root = std::env::var_os("MONO_SLAM_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
         PathBuf::from,
     );
     let folder = root.join("checkerboard_poses");

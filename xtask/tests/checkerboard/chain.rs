@@ -39,7 +39,7 @@ impl Drop for Scratch {
 }
 
 fn fixture() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/board")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../fixtures/board")
 }
 
 fn calibrated(folder: &std::path::Path) -> CalibrationRun {
