@@ -3,8 +3,10 @@
 mod common;
 
 use common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::epipolar::{essential, fundamental};
+use mono_geometry::epipolar::scorer::SampsonScorer;
+use mono_geometry::epipolar::{Correspondence, essential, fundamental};
 use mono_geometry::linalg::svd3;
+use mono_geometry::ransac::Scorer;
 use mono_geometry::{EpipolarPair, Se3, so3};
 use nalgebra::{Vector2, Vector3, Vector6};
 use proptest::prelude::*;
@@ -37,6 +39,19 @@ proptest! {
         prop_assert!((line.dot(&off.push(1.0)) - 0.25).abs() < 1e-8);
         prop_assert!(pair.sampson(&p1, &off, 1.0, 1.0).unwrap().distance_px.abs() <= 0.25 + 1e-8);
         prop_assert!(pair.symmetric_distance_px(&p1, &off).unwrap() >= 0.25 - 1e-8);
+        // RANSAC's scorer measures the same.
+        let s = pair.sampson(&p1, &off, 0.5, 0.5).unwrap();
+        let expected = (s.distance_px / s.sigma_px).powi(2);
+        let datum = Correspondence { first: p1, second: off };
+        let scored = SampsonScorer::pixels(0.5).squared_residual(pair.fundamental(), &datum);
+        prop_assert!((scored - expected).abs() < 1e-6 * expected, "{scored} {expected}");
+        let narrow = datum.normalized(&pinhole());
+        let pixel_from_normalized = nalgebra::Matrix3::new(
+            pinhole().fx, 0.0, pinhole().cx, 0.0, pinhole().fy, pinhole().cy, 0.0, 0.0, 1.0,
+        );
+        let matrix = pixel_from_normalized.transpose() * pair.fundamental() * pixel_from_normalized;
+        let scored = SampsonScorer::normalized(&pinhole(), 0.5).squared_residual(&matrix, &narrow);
+        prop_assert!((scored - expected).abs() < 1e-6 * expected, "{scored} {expected}");
         // Swapping the views changes nothing.
         let back = EpipolarPair::new(&pinhole(), &second, &first).unwrap();
         let swapped = back.symmetric_distance_px(&off, &p1).unwrap();
