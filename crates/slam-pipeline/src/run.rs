@@ -1,7 +1,7 @@
 //! A whole sequence through the frame loop.
 
 use mono_geometry::motion::exact_arc;
-use mono_geometry::{Camera, Distortion, GeometryError, Mount, Pinhole, Se2};
+use mono_geometry::{Camera, GeometryError, Mount, Pinhole, Se2};
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 use vision_sift::{Detector, Features, GrayImage, SiftError, SiftParams, Workspace};
@@ -9,7 +9,7 @@ use vision_sift::{Detector, Features, GrayImage, SiftError, SiftParams, Workspac
 use crate::config::ValidConfig;
 use crate::odometry::OdometryInterval;
 use crate::record::{DrawnKeypoint, FrameRecord, FrameSnapshot, PlanarPose, RunRecord, StageTimes};
-use crate::sequence::{CameraFile, DistortionFile, Sequence, SequenceError};
+use crate::sequence::{CameraFile, Sequence, SequenceError};
 use crate::slam::{FrameInput, FrameOutcome, Slam, SlamError};
 use crate::stopwatch::{Clock, Lap};
 
@@ -60,36 +60,10 @@ pub fn camera_of(file: &CameraFile) -> Result<(Camera, Mount), GeometryError> {
         cx: file.cx,
         cy: file.cy,
     };
-    let distortion = match file.distortion {
-        DistortionFile::None => Distortion::None,
-        DistortionFile::Radtan { k1, k2, p1, p2, k3 } => Distortion::Radtan { k1, k2, p1, p2, k3 },
-        DistortionFile::Rational {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            k4,
-            k5,
-            k6,
-        } => Distortion::Rational {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            k4,
-            k5,
-            k6,
-        },
-        DistortionFile::KannalaBrandt { k1, k2, k3, k4 } => {
-            Distortion::KannalaBrandt { k1, k2, k3, k4 }
-        }
-    };
     let rows = file.mount.rotation_body_from_camera;
     let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
     Ok((
-        Camera::new(pinhole, distortion)?,
+        Camera::new(pinhole, file.distortion)?,
         Mount::new(&rotation, &Vector3::from(file.mount.position_in_body))?,
     ))
 }

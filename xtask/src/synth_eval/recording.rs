@@ -9,10 +9,11 @@ use crate::scene::camera::{
 };
 use crate::scene::trajectory::{FRAME_PERIOD_S, ROWS_PER_FRAME};
 use crate::scene::{Scene, SceneSpec};
+use mono_geometry::Distortion;
 use nalgebra::Point3;
 use slam_pipeline::odometry::OdometryInterval;
 use slam_pipeline::run::detector_of;
-use slam_pipeline::sequence::{CameraFile, DistortionFile, MountFile};
+use slam_pipeline::sequence::{CameraFile, MountFile};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use vision_sift::{Features, GrayImage, Workspace};
@@ -121,7 +122,7 @@ pub fn camera_file() -> CameraFile {
         fy: FY,
         cx: CX,
         cy: CY,
-        distortion: DistortionFile::None,
+        distortion: Distortion::None,
         mount: MountFile {
             position_in_body: POSITION_IN_BODY,
             rotation_body_from_camera: ROTATION_BODY_FROM_CAMERA,

@@ -6,13 +6,11 @@
 
 use std::fmt::Write as _;
 
-use mono_geometry::{Camera, Distortion};
+use mono_geometry::Camera;
 
 use super::CalibrationRun;
 use crate::report::plain_warning;
-use crate::sequence::{
-    CameraFile, CameraFormat, DistortionFile, MountFile, SequenceError, calibration_text,
-};
+use crate::sequence::{CameraFile, CameraFormat, MountFile, SequenceError, calibration_text};
 
 /// Parameters in pixels.
 const PINHOLE: [&str; 4] = ["fx", "fy", "cx", "cy"];
@@ -74,34 +72,7 @@ fn camera_file(camera: &Camera) -> CameraFile {
         fy: pinhole.fy,
         cx: pinhole.cx,
         cy: pinhole.cy,
-        distortion: match *camera.distortion() {
-            Distortion::None => DistortionFile::None,
-            Distortion::Radtan { k1, k2, p1, p2, k3 } => {
-                DistortionFile::Radtan { k1, k2, p1, p2, k3 }
-            }
-            Distortion::Rational {
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-                k4,
-                k5,
-                k6,
-            } => DistortionFile::Rational {
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-                k4,
-                k5,
-                k6,
-            },
-            Distortion::KannalaBrandt { k1, k2, k3, k4 } => {
-                DistortionFile::KannalaBrandt { k1, k2, k3, k4 }
-            }
-        },
+        distortion: *camera.distortion(),
         mount: MountFile::default(),
     }
 }

@@ -26,9 +26,7 @@ mod tum;
 
 use std::path::{Path, PathBuf};
 
-pub use camera::{
-    CameraFile, CameraFormat, DistortionFile, MountFile, calibration_text, read_calibration,
-};
+pub use camera::{CameraFile, CameraFormat, MountFile, calibration_text, read_calibration};
 pub use error::SequenceError;
 pub(crate) use images::list_images;
 pub use images::{GreyImage, read_grey};

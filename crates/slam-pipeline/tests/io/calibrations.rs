@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use proptest::test_runner::Config;
 use slam_pipeline::run::camera_of;
 use slam_pipeline::sequence::{
-    CameraFile, CameraFormat, DistortionFile, MountFile, calibration_text, read_calibration,
+    CameraFile, CameraFormat, MountFile, calibration_text, read_calibration,
 };
 
 use crate::common::ScratchFolder;
@@ -27,7 +27,7 @@ fn reference(name: &str) -> PathBuf {
         .join(name)
 }
 
-fn camera(distortion: DistortionFile) -> CameraFile {
+fn camera(distortion: Distortion) -> CameraFile {
     CameraFile {
         width: 752,
         height: 480,
@@ -40,8 +40,8 @@ fn camera(distortion: DistortionFile) -> CameraFile {
     }
 }
 
-fn radtan(k3: f64) -> DistortionFile {
-    DistortionFile::Radtan {
+fn radtan(k3: f64) -> Distortion {
+    Distortion::Radtan {
         k1: -0.283_408_11,
         k2: 0.073_959_07,
         p1: 0.000_193_59,
@@ -50,7 +50,7 @@ fn radtan(k3: f64) -> DistortionFile {
     }
 }
 
-const RATIONAL: DistortionFile = DistortionFile::Rational {
+const RATIONAL: Distortion = Distortion::Rational {
     k1: 0.45,
     k2: -2.4,
     p1: 9e-4,
@@ -61,7 +61,7 @@ const RATIONAL: DistortionFile = DistortionFile::Rational {
     k6: 1.35,
 };
 
-const FISHEYE: DistortionFile = DistortionFile::KannalaBrandt {
+const FISHEYE: Distortion = Distortion::KannalaBrandt {
     k1: -0.0137,
     k2: 0.0207,
     k3: -0.0127,
@@ -99,7 +99,7 @@ fn round_trip(file: &CameraFile, format: CameraFormat) {
 #[test]
 fn every_format_gives_back_every_bit_it_has_a_place_for() {
     for format in FORMATS {
-        for lens in [DistortionFile::None, radtan(0.0), FISHEYE] {
+        for lens in [Distortion::None, radtan(0.0), FISHEYE] {
             round_trip(&camera(lens), format);
         }
         if format != CameraFormat::Kalibr {
@@ -145,7 +145,7 @@ proptest! {
         fx in prop_oneof![Just(1e-300), Just(1e16), Just(123_456_789.0), 1.0..1e4_f64],
         width in 1..=65_535_u32,
     ) {
-        let lens = DistortionFile::Rational {
+        let lens = Distortion::Rational {
             k1: n[0], k2: n[1], p1: n[2], p2: n[3], k3: n[4], k4: n[5], k5: n[6], k6: n[7] + 1.0,
         };
         let file = CameraFile { width, fx, cx: n[8], cy: n[9], ..camera(lens) };
@@ -245,7 +245,7 @@ fn files_as_the_tools_write_them() {
     assert_eq!(reading(old, None, None), Ok(camera(radtan(-0.003))));
     let short = "cameraMatrix: {rows: 3, cols: 3, data: [458.654, 0, 367.215, 0, 457.296, 248.375, 0, 0, 1]}\n\
                  distCoeffs: {rows: 1, cols: 4, data: [0, 0, 0, 0]}\nimageSize: [752, 480]\n";
-    assert_eq!(reading(short, None, None), Ok(camera(DistortionFile::None)));
+    assert_eq!(reading(short, None, None), Ok(camera(Distortion::None)));
 }
 
 #[test]
@@ -382,7 +382,7 @@ fn the_lens_of_the_file_is_the_lens_of_the_camera() {
         let (camera, _): (Camera, _) = camera_of(&camera(file)).unwrap();
         *camera.distortion()
     };
-    assert_eq!(lens(DistortionFile::None), Distortion::None);
+    assert_eq!(lens(Distortion::None), Distortion::None);
     assert_eq!(
         lens(RATIONAL).parameters(),
         [0.45, -2.4, 9e-4, -2e-4, 1.4, 0.33, -2.2, 1.35]

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use crate::common::{ScratchFolder, data_folder};
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use slam_pipeline::sequence::{DistortionFile, MountFile, Sequence};
+use mono_geometry::Distortion;
+use slam_pipeline::sequence::{MountFile, Sequence};
 
 const CAMERA: &str =
     "width = 8\nheight = 6\nmodel = \"pinhole\"\nfx = 10.0\nfy = 11\ncx = 3.5\ncy = 2.5\n";
@@ -70,7 +71,7 @@ fn a_good_folder_reads_back_what_was_written() {
     assert_eq!(sequence.times_s, [0.0, 0.5, 1.0, 1.5]);
     assert_eq!((sequence.camera.width, sequence.camera.height), (8, 6));
     assert_eq!((sequence.camera.fx, sequence.camera.fy), (10.0, 11.0));
-    assert_eq!(sequence.camera.distortion, DistortionFile::None);
+    assert_eq!(sequence.camera.distortion, Distortion::None);
     assert_eq!(sequence.camera.mount, MountFile::default());
     assert_eq!(sequence.odometry.len(), 3);
     assert_eq!(sequence.reference, None);
@@ -108,7 +109,7 @@ fn distortion_and_mount_are_read() {
          [mount]\nposition_in_body = [1, 2.5, 3]\nrotation_body_from_camera = [[-1, 0, 0], [0, 0, -1], [0, -1, 0]]\n",
     )(folder.path());
     let camera = Sequence::open(folder.path()).unwrap().camera;
-    let expected = DistortionFile::Radtan {
+    let expected = Distortion::Radtan {
         k1: 0.1,
         k2: -0.2,
         p1: 0.01,
@@ -127,7 +128,7 @@ fn distortion_and_mount_are_read() {
         folder.path(),
     );
     let camera = Sequence::open(folder.path()).unwrap().camera;
-    let expected = DistortionFile::KannalaBrandt {
+    let expected = Distortion::KannalaBrandt {
         k1: 1.0,
         k2: 2.0,
         k3: 3.0,

@@ -14,7 +14,9 @@
 
 use super::super::SequenceError;
 use super::yaml::Node;
-use super::{CameraFile, DistortionFile, MountFile, file_fault, number, numbers};
+use mono_geometry::Distortion;
+
+use super::{CameraFile, MountFile, file_fault, number, numbers};
 
 /// Whether some key holds a camera.
 pub(super) fn recognises(root: &Node<'_>) -> bool {
@@ -50,11 +52,11 @@ pub(super) fn parse(root: &Node<'_>, name: &str) -> Result<CameraFile, SequenceE
             {
                 return Err(given.fault("no coefficients", "some"));
             }
-            DistortionFile::None
+            Distortion::None
         }
         "radtan" => {
             let [k1, k2, p1, p2] = camera.need(&["distortion_coeffs"])?.array()?;
-            DistortionFile::Radtan {
+            Distortion::Radtan {
                 k1,
                 k2,
                 p1,
@@ -64,7 +66,7 @@ pub(super) fn parse(root: &Node<'_>, name: &str) -> Result<CameraFile, SequenceE
         }
         "equidistant" => {
             let [k1, k2, k3, k4] = camera.need(&["distortion_coeffs"])?.array()?;
-            DistortionFile::KannalaBrandt { k1, k2, k3, k4 }
+            Distortion::KannalaBrandt { k1, k2, k3, k4 }
         }
         other => return Err(model.fault("radtan, equidistant or none", other)),
     };
@@ -88,13 +90,13 @@ pub(super) fn text(camera: &CameraFile) -> Result<String, SequenceError> {
         })
     };
     let (model, coefficients) = match camera.distortion {
-        DistortionFile::None => ("none", Vec::new()),
-        DistortionFile::Radtan { k3, .. } if k3 != 0.0 => {
+        Distortion::None => ("none", Vec::new()),
+        Distortion::Radtan { k3, .. } if k3 != 0.0 => {
             return refuse(format!("k3 = {}", number(k3)));
         }
-        DistortionFile::Radtan { k1, k2, p1, p2, .. } => ("radtan", vec![k1, k2, p1, p2]),
-        DistortionFile::Rational { .. } => return refuse("a rational lens".into()),
-        DistortionFile::KannalaBrandt { k1, k2, k3, k4 } => ("equidistant", vec![k1, k2, k3, k4]),
+        Distortion::Radtan { k1, k2, p1, p2, .. } => ("radtan", vec![k1, k2, p1, p2]),
+        Distortion::Rational { .. } => return refuse("a rational lens".into()),
+        Distortion::KannalaBrandt { k1, k2, k3, k4 } => ("equidistant", vec![k1, k2, k3, k4]),
     };
     Ok(format!(
         "cam0:\n  camera_model: pinhole\n  intrinsics: [{}]\n  distortion_model: {model}\n  \

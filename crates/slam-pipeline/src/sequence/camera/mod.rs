@@ -24,6 +24,8 @@ mod yaml;
 
 use std::path::Path;
 
+use mono_geometry::Distortion;
+
 use super::SequenceError;
 use super::text::{content_lines, quoted, read_text};
 use yaml::Node;
@@ -49,59 +51,9 @@ pub struct CameraFile {
     /// Row of the principal point, pixels.
     pub cy: f64,
     /// Lens distortion.
-    pub distortion: DistortionFile,
+    pub distortion: Distortion,
     /// Pose of the camera in the body.
     pub mount: MountFile,
-}
-
-/// Lens distortion as written in the file.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DistortionFile {
-    /// An ideal pinhole.
-    None,
-    /// Radial and tangential, OpenCV's coefficients.
-    Radtan {
-        /// Radial, second order.
-        k1: f64,
-        /// Radial, fourth order.
-        k2: f64,
-        /// Tangential.
-        p1: f64,
-        /// Tangential.
-        p2: f64,
-        /// Radial, sixth order.
-        k3: f64,
-    },
-    /// Radial with a denominator, and tangential: OpenCV's eight coefficients.
-    Rational {
-        /// Radial above, second order.
-        k1: f64,
-        /// Radial above, fourth order.
-        k2: f64,
-        /// Tangential.
-        p1: f64,
-        /// Tangential.
-        p2: f64,
-        /// Radial above, sixth order.
-        k3: f64,
-        /// Radial below, second order.
-        k4: f64,
-        /// Radial below, fourth order.
-        k5: f64,
-        /// Radial below, sixth order.
-        k6: f64,
-    },
-    /// Equidistant fisheye of Kannala and Brandt.
-    KannalaBrandt {
-        /// Third power of the angle.
-        k1: f64,
-        /// Fifth power.
-        k2: f64,
-        /// Seventh power.
-        k3: f64,
-        /// Ninth power.
-        k4: f64,
-    },
 }
 
 /// Pose of the camera in the body.
@@ -255,74 +207,61 @@ impl CameraFile {
             }
         }
         // The fisheye polynomial of zeros is no pinhole.
-        if let DistortionFile::Radtan { k1, k2, p1, p2, k3 } = self.distortion
+        if let Distortion::Radtan { k1, k2, p1, p2, k3 } = self.distortion
             && [k1, k2, p1, p2, k3] == [0.0; 5]
         {
-            self.distortion = DistortionFile::None;
+            self.distortion = Distortion::None;
         }
         Ok(self)
     }
 }
 
-impl DistortionFile {
-    /// From OpenCV's coefficients, 4, 5, 8, 12 or 14 of them: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty.
-    ///
-    /// The rational lens only where its denominator is one; otherwise the count, or the name of the coefficient this
-    /// program has no place for.
-    fn from_opencv(coefficients: &[f64]) -> Result<Self, (String, String)> {
-        if !matches!(coefficients.len(), 4 | 5 | 8 | 12 | 14) {
+/// A lens of OpenCV's coefficients, 4, 5, 8, 12 or 14 of them: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty.
+///
+/// The rational lens only where its denominator is one; otherwise the count, or the name of the coefficient this program
+/// has no place for.
+fn lens_from_opencv(coefficients: &[f64]) -> Result<Distortion, (String, String)> {
+    if !matches!(coefficients.len(), 4 | 5 | 8 | 12 | 14) {
+        return Err((
+            "4, 5, 8, 12 or 14 distortion coefficients".into(),
+            coefficients.len().to_string(),
+        ));
+    }
+    let mut all = [0.0; 14];
+    all[..coefficients.len()].copy_from_slice(coefficients);
+    let [k1, k2, p1, p2, k3, k4, k5, k6, beyond @ ..] = all;
+    for (name, value) in ["s1", "s2", "s3", "s4", "tau_x", "tau_y"]
+        .iter()
+        .zip(beyond)
+    {
+        if value != 0.0 {
             return Err((
-                "4, 5, 8, 12 or 14 distortion coefficients".into(),
-                coefficients.len().to_string(),
+                "a lens without thin prism and tilted sensor".into(),
+                format!("{name} = {value}"),
             ));
         }
-        let mut all = [0.0; 14];
-        all[..coefficients.len()].copy_from_slice(coefficients);
-        let [k1, k2, p1, p2, k3, k4, k5, k6, beyond @ ..] = all;
-        for (name, value) in ["s1", "s2", "s3", "s4", "tau_x", "tau_y"]
-            .iter()
-            .zip(beyond)
-        {
-            if value != 0.0 {
-                return Err((
-                    "a lens without thin prism and tilted sensor".into(),
-                    format!("{name} = {value}"),
-                ));
-            }
-        }
-        Ok(if [k4, k5, k6] == [0.0; 3] {
-            Self::Radtan { k1, k2, p1, p2, k3 }
-        } else {
-            Self::Rational {
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-                k4,
-                k5,
-                k6,
-            }
-        })
     }
-
-    /// The coefficients, five zeros for no lens.
-    fn coefficients(&self) -> Vec<f64> {
-        match *self {
-            Self::None => vec![0.0; 5],
-            Self::Radtan { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
-            Self::Rational {
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-                k4,
-                k5,
-                k6,
-            } => vec![k1, k2, p1, p2, k3, k4, k5, k6],
-            Self::KannalaBrandt { k1, k2, k3, k4 } => vec![k1, k2, k3, k4],
+    Ok(if [k4, k5, k6] == [0.0; 3] {
+        Distortion::Radtan { k1, k2, p1, p2, k3 }
+    } else {
+        Distortion::Rational {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3,
+            k4,
+            k5,
+            k6,
         }
+    })
+}
+
+/// The coefficients in OpenCV's order, five zeros for no lens.
+fn opencv_coefficients(lens: &Distortion) -> Vec<f64> {
+    match lens {
+        Distortion::None => vec![0.0; 5],
+        _ => lens.parameters(),
     }
 }
 

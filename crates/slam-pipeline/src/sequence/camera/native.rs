@@ -34,7 +34,9 @@ use serde::Deserialize;
 
 use super::super::SequenceError;
 use super::super::text::{line_fault, read_text};
-use super::{CameraFile, DistortionFile, MountFile, file_fault, number, numbers};
+use mono_geometry::Distortion;
+
+use super::{CameraFile, MountFile, file_fault, number, numbers};
 
 /// Largest believed deviation of `R^T R` from the identity, entry by entry: four written decimals.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -73,13 +75,13 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError
         fy: raw.fy,
         cx: raw.cx,
         cy: raw.cy,
-        distortion: DistortionFile::None,
+        distortion: Distortion::None,
         mount: MountFile::default(),
     }
     .checked(path)?;
     Ok(CameraFile {
         distortion: match &raw.distortion {
-            None => DistortionFile::None,
+            None => Distortion::None,
             Some(distortion) => checked_distortion(distortion).map_err(fault)?,
         },
         mount: match &raw.mount {
@@ -109,17 +111,17 @@ pub(super) fn text(camera: &CameraFile) -> String {
         line(name, value);
     }
     let (model, names): (&str, &[&str]) = match camera.distortion {
-        DistortionFile::None => ("", &[]),
-        DistortionFile::Radtan { .. } => ("radtan", &["k1", "k2", "p1", "p2", "k3"]),
-        DistortionFile::Rational { .. } => (
+        Distortion::None => ("", &[]),
+        Distortion::Radtan { .. } => ("radtan", &["k1", "k2", "p1", "p2", "k3"]),
+        Distortion::Rational { .. } => (
             "rational",
             &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
         ),
-        DistortionFile::KannalaBrandt { .. } => ("kannala-brandt", &["k1", "k2", "k3", "k4"]),
+        Distortion::KannalaBrandt { .. } => ("kannala-brandt", &["k1", "k2", "k3", "k4"]),
     };
     if !names.is_empty() {
         let _ = writeln!(text, "\n[distortion]\nmodel = \"{model}\"");
-        for (name, value) in names.iter().zip(camera.distortion.coefficients()) {
+        for (name, value) in names.iter().zip(camera.distortion.parameters()) {
             let _ = writeln!(text, "{name} = {}", number(value));
         }
     }
@@ -175,7 +177,7 @@ struct RawMount {
 /// (expected, found).
 type Fault = (String, String);
 
-fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
+fn checked_distortion(raw: &RawDistortion) -> Result<Distortion, Fault> {
     let need = |name: &str, value: Option<f64>| match value {
         Some(value) if value.is_finite() => Ok(value),
         Some(value) => Err((
@@ -199,7 +201,7 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
             for (name, value) in [("k4", raw.k4), ("k5", raw.k5), ("k6", raw.k6)] {
                 refuse(name, value)?;
             }
-            Ok(DistortionFile::Radtan {
+            Ok(Distortion::Radtan {
                 k1: need("k1", raw.k1)?,
                 k2: need("k2", raw.k2)?,
                 p1: need("p1", raw.p1)?,
@@ -207,7 +209,7 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
                 k3: need("k3", Some(raw.k3.unwrap_or(0.0)))?,
             })
         }
-        "rational" => Ok(DistortionFile::Rational {
+        "rational" => Ok(Distortion::Rational {
             k1: need("k1", raw.k1)?,
             k2: need("k2", raw.k2)?,
             p1: need("p1", raw.p1)?,
@@ -227,7 +229,7 @@ fn checked_distortion(raw: &RawDistortion) -> Result<DistortionFile, Fault> {
             for (name, value) in others {
                 refuse(name, value)?;
             }
-            Ok(DistortionFile::KannalaBrandt {
+            Ok(Distortion::KannalaBrandt {
                 k1: need("k1", raw.k1)?,
                 k2: need("k2", raw.k2)?,
                 k3: need("k3", raw.k3)?,

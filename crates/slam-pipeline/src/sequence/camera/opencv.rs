@@ -24,7 +24,9 @@
 
 use super::super::SequenceError;
 use super::yaml::Node;
-use super::{CameraFile, DistortionFile, MountFile, number, numbers};
+use mono_geometry::Distortion;
+
+use super::{CameraFile, MountFile, lens_from_opencv, number, numbers, opencv_coefficients};
 
 const MATRIX: [&str; 3] = ["camera_matrix", "cameraMatrix", "Camera_Matrix"];
 const COEFFICIENTS: [&str; 3] = [
@@ -61,10 +63,9 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
         let &[k1, k2, k3, k4] = coefficients.as_slice() else {
             return Err(node.fault("4 fisheye coefficients", coefficients.len().to_string()));
         };
-        DistortionFile::KannalaBrandt { k1, k2, k3, k4 }
+        Distortion::KannalaBrandt { k1, k2, k3, k4 }
     } else {
-        DistortionFile::from_opencv(&coefficients)
-            .map_err(|(expected, found)| node.fault(&expected, found))?
+        lens_from_opencv(&coefficients).map_err(|(expected, found)| node.fault(&expected, found))?
     };
     Ok(CameraFile {
         width,
@@ -79,8 +80,8 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
 }
 
 pub(super) fn text(camera: &CameraFile) -> String {
-    let coefficients = camera.distortion.coefficients();
-    let fisheye = matches!(camera.distortion, DistortionFile::KannalaBrandt { .. });
+    let coefficients = opencv_coefficients(&camera.distortion);
+    let fisheye = matches!(camera.distortion, Distortion::KannalaBrandt { .. });
     format!(
         "%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\n\
          camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \

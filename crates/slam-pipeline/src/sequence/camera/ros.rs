@@ -17,7 +17,9 @@
 
 use super::super::SequenceError;
 use super::yaml::Node;
-use super::{CameraFile, DistortionFile, MountFile, number, numbers};
+use mono_geometry::Distortion;
+
+use super::{CameraFile, MountFile, lens_from_opencv, number, numbers, opencv_coefficients};
 
 pub(super) fn recognises(root: &Node<'_>) -> bool {
     root.get("camera_matrix").is_some() && root.get("distortion_model").is_some()
@@ -32,13 +34,11 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
     let (_, _, coefficients) = node.matrix()?;
     let count = |needed: &str| node.fault(needed, coefficients.len().to_string());
     let distortion = match (model.text()?.as_str(), coefficients.as_slice()) {
-        ("equidistant", &[k1, k2, k3, k4]) => DistortionFile::KannalaBrandt { k1, k2, k3, k4 },
+        ("equidistant", &[k1, k2, k3, k4]) => Distortion::KannalaBrandt { k1, k2, k3, k4 },
         ("equidistant", _) => return Err(count("4 coefficients")),
         ("plumb_bob", [_, _, _, _] | [_, _, _, _, _])
-        | ("rational_polynomial", [_, _, _, _, _, _, _, _, ..]) => {
-            DistortionFile::from_opencv(&coefficients)
-                .map_err(|(expected, found)| node.fault(&expected, found))?
-        }
+        | ("rational_polynomial", [_, _, _, _, _, _, _, _, ..]) => lens_from_opencv(&coefficients)
+            .map_err(|(expected, found)| node.fault(&expected, found))?,
         ("plumb_bob", _) => return Err(count("4 or 5 coefficients")),
         ("rational_polynomial", _) => return Err(count("8 coefficients")),
         (other, _) => {
@@ -59,11 +59,11 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
 
 pub(super) fn text(camera: &CameraFile) -> String {
     let model = match camera.distortion {
-        DistortionFile::None | DistortionFile::Radtan { .. } => "plumb_bob",
-        DistortionFile::Rational { .. } => "rational_polynomial",
-        DistortionFile::KannalaBrandt { .. } => "equidistant",
+        Distortion::None | Distortion::Radtan { .. } => "plumb_bob",
+        Distortion::Rational { .. } => "rational_polynomial",
+        Distortion::KannalaBrandt { .. } => "equidistant",
     };
-    let coefficients = camera.distortion.coefficients();
+    let coefficients = opencv_coefficients(&camera.distortion);
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(number);
     format!(
         "image_width: {}\nimage_height: {}\ncamera_name: camera\n\
