@@ -13,7 +13,7 @@
 //! their solutions to 1e-6, 99 990 to 1e-10; there are 4.8 solutions on average.
 //!
 //! Degenerate, no model: equations dependent to rounding (a match twice, four points of a line); a camera that turned without moving,
-//! for which every [t]x R is a solution. With noise the latter goes unnoticed here: see the parallax in
+//! for which every `[t]x R` is a solution. With noise the latter goes unnoticed here: see the parallax in
 //! [`super::relative_pose`]. Planes are no degeneracy, but leave two solutions that cheirality may not tell apart.
 //!
 //! Source: Nistér, An efficient solution to the five-point relative pose problem, PAMI 2004, section 3.

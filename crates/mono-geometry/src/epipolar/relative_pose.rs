@@ -1,6 +1,6 @@
 //! The four poses of an essential matrix, and which of them has the points in front of both cameras.
 //!
-//! E = U diag(1, 1, 0) V^T is [t]x R for R = U W V^T or U W^T V^T (W a quarter turn about z) and t = +-u3, |t| = 1: the
+//! E = U diag(1, 1, 0) V^T is `[t]x R` for R = U W V^T or U W^T V^T (W a quarter turn about z) and t = +-u3, |t| = 1: the
 //! reconstruction, its mirror through the baseline, and each with the baseline reversed. A point in front of both
 //! cameras is so in one of the four only.
 //!
