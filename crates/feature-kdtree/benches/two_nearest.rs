@@ -12,9 +12,10 @@ use criterion::{
     BatchSize, BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main,
 };
 use feature_kdtree::{
-    Descriptor, DescriptorIndex, ExactScan, KdForest, KdForestParams, SimdLevel, match_descriptors,
+    Descriptor, DescriptorIndex, ExactScan, KdForest, KdForestParams, match_descriptors,
     match_mutual,
 };
+use simd_level::SimdLevel;
 use std::hint::black_box;
 use support::Scene;
 
@@ -52,7 +53,7 @@ fn two_nearest(criterion: &mut Criterion) {
         let (descriptors, queries) = data(entries);
         for level in SimdLevel::available() {
             let scan = fill(ExactScan::with_level(level), &descriptors);
-            let name = format!("scan_{}", level.name());
+            let name = format!("scan_{}", level);
             run(&mut group, &name, entries, &scan, &queries);
         }
         let scan = fill(ExactScan::new(), &descriptors);
@@ -138,6 +139,13 @@ fn growth(criterion: &mut Criterion) {
     group.bench_function("gathered", |b| {
         b.iter(|| {
             let part = ExactScan::gathered(&scan, visible.iter().copied());
+            part.two_nearest_batch(&queries, &mut found);
+        });
+    });
+    group.bench_function("collected", |b| {
+        b.iter(|| {
+            let entries = visible.iter().map(|&id| (id, &descriptors[id as usize]));
+            let part: ExactScan = entries.collect();
             part.two_nearest_batch(&queries, &mut found);
         });
     });

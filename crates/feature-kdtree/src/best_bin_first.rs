@@ -14,11 +14,12 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use simd_level::SimdLevel;
+
 use crate::index::BestTwo;
 use crate::kd_tree::{KdTree, Node};
 use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
-use crate::simd::SimdLevel;
 use crate::{Descriptor, Neighbour};
 
 /// No turn away from the query yet.

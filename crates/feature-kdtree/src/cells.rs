@@ -24,11 +24,13 @@
 
 use std::collections::VecDeque;
 
+use simd_level::SimdLevel;
+
 use crate::Descriptor;
 use crate::id_table::IdTable;
 use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
-use crate::simd::{SimdLevel, prefetch};
+use crate::simd::prefetch;
 use crate::two_means::divide;
 
 /// At most one division in this many changes.

@@ -1,11 +1,12 @@
 //! The two ways of finding the nearest centroid: all of them in a row, and cells of centroids.
 
+use simd_level::SimdLevel;
+
 use crate::Descriptor;
 use crate::cells::{Cells, Directory, Visit};
 use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
-use crate::simd::SimdLevel;
 use crate::smallest::Smallest;
 
 /// Cells of centroids searched for the home of one new row.

@@ -13,6 +13,11 @@ use std::hash::{BuildHasherDefault, Hasher};
 pub(crate) struct IdMap(HashMap<u32, u32, BuildHasherDefault<IdHasher>>);
 
 impl IdMap {
+    /// Makes room for `more` ids beyond those present.
+    pub(crate) fn reserve(&mut self, more: usize) {
+        self.0.reserve(more);
+    }
+
     pub(crate) fn get(&self, id: u32) -> Option<u32> {
         self.0.get(&id).copied()
     }

@@ -20,12 +20,14 @@
 //! Which neighbours are missed depends on the history of insertions and removals; where a run must be repeatable
 //! from a reloaded state, call [`InvertedLists::rebuild`] when saving.
 
+use simd_level::SimdLevel;
+
 use crate::cells::Cells;
 use crate::directory::Flat;
 use crate::index::BestTwo;
 use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
-use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, SimdLevel, TwoNearest};
+use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, TwoNearest};
 
 /// Centroids in a cell of the upper storey.
 const CENTROIDS_PER_CELL: usize = 128;
@@ -88,7 +90,7 @@ impl InvertedLists {
     /// # Errors
     /// [`IndexError::ParameterTooSmall`] naming the field out of range.
     pub fn new(params: InvertedListsParams) -> Result<Self, IndexError> {
-        Self::with_level(params, SimdLevel::detected())
+        Self::with_level(params, SimdLevel::best())
     }
 
     /// An empty index on given instructions, to test and measure them.

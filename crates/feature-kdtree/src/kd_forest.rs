@@ -21,9 +21,11 @@
 //! Which neighbours a bounded search misses depends on the history of insertions and removals; where a run must
 //! be repeatable from a reloaded state, call [`KdForest::rebuild`] when saving.
 
+use simd_level::SimdLevel;
+
 use crate::best_bin_first::search;
 use crate::kd_tree::KdTree;
-use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, SimdLevel, TwoNearest};
+use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest};
 
 /// A tree is not grown afresh before this many changes.
 const LEAST_CHANGES_TO_REGROW: usize = 256;
@@ -130,7 +132,7 @@ impl KdForest {
     /// [`IndexError::ParameterTooSmall`] or [`IndexError::ParameterTooLarge`] naming the field out of range.
     pub fn new(params: KdForestParams) -> Result<Self, IndexError> {
         params.check()?;
-        let level = SimdLevel::detected();
+        let level = SimdLevel::best();
         Ok(Self {
             params,
             level,

@@ -43,7 +43,6 @@ pub use index::{DescriptorIndex, Neighbour, TwoNearest};
 pub use inverted_lists::{InvertedLists, InvertedListsParams};
 pub use kd_forest::{KdForest, KdForestParams};
 pub use matching::{Match, match_descriptors, match_mutual};
-pub use simd::SimdLevel;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

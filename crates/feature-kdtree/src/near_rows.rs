@@ -4,9 +4,14 @@
 //! one of many for the query, the distance to beat is known from the lists before: the kernel compares with it and
 //! reports the few rows within. The order of rows and of queries does not matter to collectors that break ties by id.
 
-use crate::row_block::{LANES, PreparedQuery};
+use simd_level::SimdLevel;
+
+use crate::row_block::{LANES, NEAR_BLOCKS, NearRows, PreparedQuery};
 use crate::rows::Rows;
-use crate::simd::{NEAR_BLOCKS, NEAR_QUERIES, NearRows, SimdLevel};
+use crate::simd;
+
+/// Queries in a call that keep the kernel busy.
+const NEAR_QUERIES: usize = 8;
 
 /// What is collected for each query of a batch.
 pub(crate) trait Collector {
@@ -52,7 +57,13 @@ fn scan_groups<const GROUP: usize>(
                 *limit = slot.raw(collector.limit(member));
             }
             let count = members.len();
-            level.near(run, &group[..count], &limits[..count], &mut near[..count]);
+            simd::near(
+                level,
+                run,
+                &group[..count],
+                &limits[..count],
+                &mut near[..count],
+            );
             for ((near, query), &member) in near.iter().zip(group).zip(members) {
                 for (block, ids) in ids.chunks(LANES).enumerate() {
                     let mut lanes = near.lanes[block];

@@ -1,4 +1,4 @@
-//! Sixteen descriptors side by side, and what one query learns from them.
+//! Sixteen descriptors side by side, and the values that pass between them, a query and the kernels of the scan.
 //!
 //! The squared distance of query q and row r is |q|^2 + |r|^2 - 2 q.r. The dot product is taken with the query
 //! shifted to signed bytes, s = q - 128, because the byte dot product of AVX-512 VNNI takes one signed factor:
@@ -30,16 +30,16 @@ pub(crate) const BLOCK_MASK: u32 = (1 << BLOCK_BITS) - 1;
 /// Blocks a key can number.
 pub(crate) const RUN_BLOCKS: usize = 1 << BLOCK_BITS;
 
-/// One value a row of a block.
+/// One value for each row of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub(crate) struct Lanes(pub(crate) [u32; LANES]);
 
 impl Lanes {
-    /// Larger than any key of a row.
+    /// Values larger than any key of a row.
     pub(crate) const LAST: Self = Self([u32::MAX; LANES]);
 
-    /// All bits in the lanes from `used` on: joined to the keys it takes absent rows out.
+    /// All bits set in the lanes from `used` on; an `or` with the keys makes those of absent rows the last.
     pub(crate) fn absent_from(used: usize) -> Self {
         Self(std::array::from_fn(
             |lane| if lane < used { 0 } else { u32::MAX },
@@ -58,6 +58,7 @@ pub(crate) struct RowBlock {
 }
 
 impl RowBlock {
+    /// Sixteen rows of zeros.
     pub(crate) const EMPTY: Self = Self {
         groups: [[[0; 4]; LANES]; GROUPS],
         bias: [0; LANES],
@@ -105,6 +106,7 @@ pub(crate) struct PreparedQuery {
 }
 
 impl PreparedQuery {
+    /// Prepares a query. O(128).
     pub(crate) fn new(query: &Descriptor) -> Self {
         let mut prepared = Self {
             bytes: [0; GROUPS],
@@ -114,8 +116,8 @@ impl PreparedQuery {
             parity: 0,
         };
         let (groups, _) = query.as_chunks::<4>();
-        // Bit tricks on whole words, which every compiler vectorises: both halves of a word less 128, without a
-        // borrow from one to the other.
+        // Both halves of a word less 128, without a borrow from one to the other: arithmetic on whole words, which
+        // every compiler vectorises.
         let less_128 = |halves: u32| ((halves | 0x8000_8000) - 0x0080_0080) ^ 0x8000_8000;
         for (g, group) in groups.iter().enumerate() {
             let word = u32::from_le_bytes(*group);
@@ -132,32 +134,32 @@ impl PreparedQuery {
         prepared
     }
 
-    /// Squared distance packed in the key of a row.
+    /// The squared distance packed in the key of a row.
     #[inline]
     pub(crate) fn distance_of(&self, key: u32) -> u32 {
         self.distance_of_raw(key >> BLOCK_BITS)
     }
 
-    /// d from d + p.
+    /// The squared distance d, from d + p.
     #[inline]
     pub(crate) fn distance_of_raw(&self, raw: u32) -> u32 {
         raw.wrapping_sub(self.parity)
     }
 
-    /// The distance d + p that the kernels write, for d or the largest d of a row if that is smaller.
+    /// The value d + p that the kernels compare, for a squared distance d; at most that of the farthest possible row.
     #[inline]
     pub(crate) fn raw(&self, distance_squared: u32) -> u32 {
         distance_squared.min(MAX_DISTANCE_SQUARED) + self.parity
     }
 
-    /// The largest key of a row at a squared distance.
+    /// The largest key that a row at this squared distance can have.
     #[inline]
     pub(crate) fn last_key_at(&self, distance_squared: u32) -> u32 {
         self.raw(distance_squared) << BLOCK_BITS | BLOCK_MASK
     }
 }
 
-/// What a query learns from a run of blocks.
+/// The best keys of every lane over a run of blocks, for one query.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct RunBest {
@@ -165,16 +167,16 @@ pub(crate) struct RunBest {
     pub(crate) first: Lanes,
     /// Second smallest key of each lane.
     pub(crate) second: Lanes,
-    /// Given: the largest key worth reporting. Returned: lowered to the largest at the second smallest distance.
+    /// The largest key worth reporting; a kernel lowers it to the largest key at the second smallest distance.
     pub(crate) limit: u32,
-    /// Lanes whose smallest key is within the limit.
+    /// Lanes whose smallest key is within the limit, as bits.
     pub(crate) first_within: u16,
-    /// Lanes whose second smallest key is.
+    /// Lanes whose second smallest key is within the limit, as bits.
     pub(crate) second_within: u16,
 }
 
 impl RunBest {
-    /// Before the first block.
+    /// The state before the first block.
     #[inline]
     pub(crate) fn new(limit: u32) -> Self {
         Self {
@@ -187,90 +189,29 @@ impl RunBest {
     }
 }
 
-/// Number of the block packed in a key.
+/// Blocks that the kernel for short lists takes in one call at most.
+pub(crate) const NEAR_BLOCKS: usize = 8;
+
+/// Rows of a few blocks within the limit of one query.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct NearRows {
+    /// d + p of each row, written for blocks with a row within the limit only.
+    pub(crate) distances: [Lanes; NEAR_BLOCKS],
+    /// Lanes of each block within the limit, as bits.
+    pub(crate) lanes: [u16; NEAR_BLOCKS],
+}
+
+impl NearRows {
+    /// No row within the limit.
+    pub(crate) const NONE: Self = Self {
+        distances: [Lanes::LAST; NEAR_BLOCKS],
+        lanes: [0; NEAR_BLOCKS],
+    };
+}
+
+/// The number of the block packed in a key.
 #[inline]
 pub(crate) fn key_block(key: u32) -> usize {
     (key & BLOCK_MASK) as usize
-}
-
-/// Portable kernel: d + p of a query and the rows of a block.
-#[inline]
-pub(crate) fn distances(block: &RowBlock, query: &PreparedQuery) -> Lanes {
-    let mut dots = [query.start; LANES];
-    for ((group, &even), &odd) in block.groups.iter().zip(&query.even).zip(&query.odd) {
-        for (dot, row) in dots.iter_mut().zip(group) {
-            let word = u32::from_le_bytes(*row);
-            *dot = dot
-                .wrapping_add(pair_product(word & 0x00ff_00ff, even))
-                .wrapping_add(pair_product(word >> 8 & 0x00ff_00ff, odd));
-        }
-    }
-    let mut distances = [0; LANES];
-    for lane in 0..LANES {
-        let d = block.bias[lane].wrapping_sub(dots[lane].wrapping_mul(2));
-        distances[lane] = d.cast_unsigned();
-    }
-    Lanes(distances)
-}
-
-/// Sum of the products of the signed sixteen-bit halves.
-#[inline]
-fn pair_product(a: u32, b: i32) -> i32 {
-    let a = a.cast_signed();
-    let low = i32::from(a as i16).wrapping_mul(i32::from(b as i16));
-    let high = (a >> 16).wrapping_mul(b >> 16);
-    low.wrapping_add(high)
-}
-
-/// Portable kernel of [`crate::SimdLevel::run_best`].
-pub(crate) fn run_best(
-    run: &[RowBlock],
-    absent: &Lanes,
-    queries: &[&PreparedQuery],
-    best: &mut [RunBest],
-) {
-    for (number, block) in (0_u32..).zip(run) {
-        let last = number as usize + 1 == run.len();
-        let out = if last { *absent } else { Lanes([0; LANES]) };
-        for (query, best) in queries.iter().zip(&mut *best) {
-            let distances = distances(block, query);
-            for lane in 0..LANES {
-                let key = (distances.0[lane] << BLOCK_BITS | number) | out.0[lane];
-                let first = best.first.0[lane];
-                best.second.0[lane] = best.second.0[lane].min(first.max(key));
-                best.first.0[lane] = first.min(key);
-            }
-        }
-    }
-    for best in best {
-        let (mut first, mut second) = (u32::MAX, u32::MAX);
-        for lane in 0..LANES {
-            let (a, b) = (best.first.0[lane], best.second.0[lane]);
-            second = second.min(b).min(first.max(a));
-            first = first.min(a);
-        }
-        best.limit = best.limit.min(second | BLOCK_MASK);
-        best.first_within = within(&best.first, best.limit);
-        best.second_within = within(&best.second, best.limit);
-    }
-}
-
-/// Portable kernel of [`crate::SimdLevel::distances`].
-pub(crate) fn run_distances(
-    run: &[RowBlock],
-    query: &PreparedQuery,
-    limit: u32,
-    out: &mut [(u16, Lanes)],
-) {
-    for (block, out) in run.iter().zip(out) {
-        let distances = distances(block, query);
-        *out = (within(&distances, limit), distances);
-    }
-}
-
-/// Lanes of at most `limit`, as bits.
-pub(crate) fn within(lanes: &Lanes, limit: u32) -> u16 {
-    (0..LANES).fold(0, |mask, lane| {
-        mask | u16::from(lanes.0[lane] <= limit) << lane
-    })
 }

@@ -14,11 +14,13 @@
 
 use std::ops::Range;
 
+use simd_level::SimdLevel;
+
 use crate::Descriptor;
 use crate::Neighbour;
 use crate::index::BestTwo;
 use crate::row_block::{LANES, Lanes, PreparedQuery, RUN_BLOCKS, RowBlock, RunBest, key_block};
-use crate::simd::SimdLevel;
+use crate::simd;
 
 /// Queries whose lanes are kept at a time; a multiple of what every level takes in a group.
 const QUERIES_AT_A_TIME: usize = 24;
@@ -98,7 +100,7 @@ impl Rows {
         out.clear();
         let mut distances = [(0, Lanes::LAST); BLOCKS_AT_A_TIME];
         for blocks in self.blocks.chunks(BLOCKS_AT_A_TIME) {
-            level.distances(blocks, query, 0, &mut distances);
+            simd::distances(level, blocks, query, 0, &mut distances);
             for (_, distances) in &distances[..blocks.len()] {
                 out.extend(distances.0.map(|raw| query.distance_of_raw(raw)));
             }
@@ -170,7 +172,7 @@ impl Rows {
                     learnt[i].limit = group[i].last_key_at(worst);
                 }
                 let (group, learnt) = (&group[..members.len()], &mut learnt[..members.len()]);
-                level.run_best(run, absent, group, learnt);
+                simd::run_best(level, run, absent, group, learnt);
                 for (i, &m) in members.iter().enumerate() {
                     self.join(level, &span, &learnt[i], group[i], &mut best[m as usize]);
                 }
@@ -231,7 +233,13 @@ impl Rows {
         let mut limit = query.raw(best.worst_distance_squared());
         for start in span.clone().step_by(BLOCKS_AT_A_TIME) {
             let end = span.end.min(start + BLOCKS_AT_A_TIME);
-            level.distances(&self.blocks[start..end], query, limit, &mut distances);
+            simd::distances(
+                level,
+                &self.blocks[start..end],
+                query,
+                limit,
+                &mut distances,
+            );
             for (block, (mask, distances)) in (start..end).zip(&distances) {
                 for lane in bits(*mask) {
                     let raw = distances.0[lane];
@@ -368,7 +376,7 @@ mod tests {
             .map(|_| PreparedQuery::new(&random(&mut rng, &all)))
             .collect();
         let members: Vec<u32> = (0..60).filter(|m| m % 3 != 1).collect();
-        let level = SimdLevel::detected();
+        let level = SimdLevel::best();
         let mut best = vec![BestTwo::default(); 60];
         rows.two_nearest_batch(level, &queries, &members, &mut best);
         for m in 0..60 {

@@ -16,9 +16,10 @@
 
 use std::cmp::Reverse;
 
+use simd_level::SimdLevel;
+
 use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
-use crate::simd::SimdLevel;
 use crate::{DESCRIPTOR_LENGTH, Descriptor};
 
 /// Rows that the centroids are found from.

@@ -5,9 +5,10 @@
 mod support;
 
 use feature_kdtree::{
-    Descriptor, DescriptorIndex, ExactScan, IndexError, SimdLevel, TwoNearest, match_descriptors,
+    Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest, match_descriptors,
 };
 use proptest::prelude::*;
+use simd_level::SimdLevel;
 use support::{Scene, corpora, naive_two_nearest, queries_for};
 
 type Numbered = Vec<(u32, Descriptor)>;
@@ -46,7 +47,7 @@ fn every_level_and_every_way_to_ask_agree_with_sorting() {
                 .collect();
             for level in SimdLevel::available() {
                 let scan = scan_of(level, &numbered);
-                let label = format!("{name}, {}", level.name());
+                let label = format!("{name}, {level}");
                 assert_eq!(batch(&scan, &queries), expected, "{label}");
                 let single: Vec<_> = queries
                     .iter()
@@ -90,7 +91,7 @@ fn gathering_passes_over_absent_and_repeated_ids() {
     let mut scene = Scene::new(52, 5);
     let entries = scene.entries(40);
     let scan = scan_of(
-        SimdLevel::detected(),
+        SimdLevel::best(),
         &(0..).zip(entries.iter().copied()).collect::<Numbered>(),
     );
     let part = ExactScan::gathered(&scan, [30, 2, 77, 2, 30, 9]);
@@ -101,6 +102,36 @@ fn gathering_passes_over_absent_and_repeated_ids() {
     assert_eq!((part.descriptor(77), part.descriptor(3)), (None, None));
     let whole: &dyn DescriptorIndex = &scan;
     assert!(ExactScan::gathered(whole, []).is_empty());
+}
+
+#[test]
+fn a_scan_collected_from_entries_answers_as_one_filled_entry_by_entry() {
+    for (name, entries) in corpora() {
+        let numbered: Numbered = (0..).map(|i| 10_000 - 3 * i).zip(entries.clone()).collect();
+        let inserted = scan_of(SimdLevel::best(), &numbered);
+        // References and values; an iterator that knows its length and one that does not.
+        let of_references: ExactScan = numbered.iter().map(|(id, d)| (*id, d)).collect();
+        let of_values: ExactScan = numbered.iter().copied().filter(|_| true).collect();
+        let queries = queries_for(&entries);
+        let expected = batch(&inserted, &queries);
+        for collected in [of_references, of_values] {
+            assert_eq!(collected.len(), entries.len(), "{name}");
+            assert_eq!(batch(&collected, &queries), expected, "{name}");
+            let (id, descriptor) = numbered[numbered.len() - 1];
+            assert_eq!(collected.descriptor(id), Some(descriptor), "{name}");
+        }
+    }
+    // Of two entries with one id the first counts.
+    let mut scan: ExactScan = [(7, [1; 128]), (8, [2; 128]), (7, [3; 128])]
+        .into_iter()
+        .collect();
+    assert_eq!((scan.len(), scan.descriptor(7)), (2, Some([1; 128])));
+    assert!(scan.remove(7) && scan.insert(7, &[3; 128]).is_ok());
+    assert!(
+        std::iter::empty::<(u32, Descriptor)>()
+            .collect::<ExactScan>()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -191,7 +222,7 @@ proptest! {
     ) {
         let mut model: Numbered = Vec::new();
         let mut scans: Vec<ExactScan> =
-            SimdLevel::available().into_iter().map(ExactScan::with_level).collect();
+            SimdLevel::available().map(ExactScan::with_level).collect();
         for change in &changes {
             match change {
                 Change::Insert(id, descriptor) => {

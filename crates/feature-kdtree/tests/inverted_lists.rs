@@ -4,11 +4,12 @@ mod support;
 
 use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, IndexError, InvertedLists, InvertedListsParams,
-    SimdLevel, match_descriptors,
+    match_descriptors,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use simd_level::SimdLevel;
 use support::{Scene, naive_two_nearest, uniform};
 
 fn lists(list_capacity: usize, probes: Option<usize>) -> InvertedLists {
@@ -104,7 +105,7 @@ fn few_probes_give_the_same_on_every_level_one_by_one_and_in_batches_of_any_size
         list_capacity: 40,
         probes: Some(3),
     };
-    let mut of_levels = SimdLevel::available().into_iter().map(|level| {
+    let mut of_levels = SimdLevel::available().map(|level| {
         let index = filled(InvertedLists::with_level(params, level).unwrap(), &entries);
         let mut found = Vec::new();
         index.two_nearest_batch(&queries, &mut found);

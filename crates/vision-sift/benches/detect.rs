@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use vision_sift::{Detector, Features, GrayImage, SiftParams, SimdLevel, Stage, Workspace};
+use simd_level::SimdLevel;
+use vision_sift::{Detector, Features, GrayImage, SiftParams, Stage, Workspace};
 
 /// Smoothed noise at three scales: about as many keypoints as an indoor picture.
 fn textured(width: usize, height: usize) -> Vec<u8> {

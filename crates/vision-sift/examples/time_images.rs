@@ -4,7 +4,7 @@
 //!
 //! Each line of standard input is the path of a picture (PNG, JPEG); the answer is one line
 //! `milliseconds keypoints bytes`: the time of one detection with all keypoints described, in a workspace that has
-//! seen the picture before, the number of keypoints, and the size of the workspace. LEVEL is one of `portable`, `AVX2`, `AVX-512`. The last picture stays loaded, so
+//! seen the picture before, the number of keypoints, and the size of the workspace. LEVEL is one of `portable`, `avx2`, `avx512`. The last picture stays loaded, so
 //! that repeated paths cost no reading.
 
 #![expect(
@@ -16,7 +16,8 @@ use std::error::Error;
 use std::io::{BufRead as _, Write as _};
 use std::time::Instant;
 
-use vision_sift::{Detector, Features, GrayImage, SiftParams, SimdLevel, Workspace};
+use simd_level::SimdLevel;
+use vision_sift::{Detector, Features, GrayImage, SiftParams, Workspace};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);

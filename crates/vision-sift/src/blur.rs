@@ -12,9 +12,11 @@
 //! kernel radius. Reading the source row by row instead, `2 r + 1` rows for each output row, took twice the time: those
 //! rows do not fit the first cache.
 
+use simd_level::SimdLevel;
+
 use crate::image::Plane;
 use crate::kernel::{BLUR_ROWS, Kernel};
-use crate::simd::{Body, LANES, Lanes, Run, SimdLevel, load, store};
+use crate::simd::{self, Body, LANES, Lanes, Run, load, store};
 use crate::threads::for_each_block;
 
 /// Rows of one parallel task.
@@ -30,7 +32,7 @@ pub(crate) fn scratch_length(width: usize, height: usize, radius: usize) -> usiz
 
 /// `target` = `source` blurred; `target` must have the size of `source`.
 pub(crate) fn blur(
-    simd: SimdLevel,
+    level: SimdLevel,
     source: &Plane,
     kernel: &Kernel,
     target: &mut Plane,
@@ -44,13 +46,16 @@ pub(crate) fn blur(
         &mut scratch[..height.div_ceil(BLOCK_ROWS) * padded],
         padded,
         |block, rows, padded_rows| {
-            simd.run(BlurRows {
-                source,
-                kernel,
-                first: block * BLOCK_ROWS,
-                rows,
-                padded_rows,
-            });
+            simd::run(
+                level,
+                BlurRows {
+                    source,
+                    kernel,
+                    first: block * BLOCK_ROWS,
+                    rows,
+                    padded_rows,
+                },
+            );
         },
     );
 }
@@ -228,12 +233,12 @@ mod tests {
         plane
     }
 
-    fn blurred(simd: SimdLevel, source: &Plane, kernel: &Kernel) -> Plane {
+    fn blurred(level: SimdLevel, source: &Plane, kernel: &Kernel) -> Plane {
         let (width, height) = (source.width(), source.height());
         let mut out = Plane::default();
         out.resize(width, height);
         let mut scratch = vec![0.0; scratch_length(width, height, kernel.radius())];
-        blur(simd, source, kernel, &mut out, &mut scratch);
+        blur(level, source, kernel, &mut out, &mut scratch);
         out
     }
 
@@ -251,7 +256,7 @@ mod tests {
             let source = noise(width, height);
             for sigma in [1.2, 2.5, 5.0] {
                 let kernel = Kernel::gaussian(sigma, (4.0 * sigma).ceil() as usize);
-                let out = blurred(SimdLevel::PORTABLE, &source, &kernel);
+                let out = blurred(SimdLevel::Portable, &source, &kernel);
                 let radius = kernel.radius() as isize;
                 for y in 0..height {
                     for x in 0..width {

@@ -21,12 +21,11 @@
 //! extremum. Of 75 000 keypoints on photographs (five settings) the first changes none and the second two; only drawn
 //! patterns of equal squares have plateaus enough to show it.
 
-use crate::gradient::{ARCTANGENT, Arctangent, OPENCV_ARCTANGENT};
-use crate::params::{
-    KERNEL_REACH_SIGMAS, MAX_LAST_OFFSET, MAX_REFINE_OFFSET, ORIENTATION_REACH_SIGMAS,
-    ORIENTATION_SIGMA_FACTOR,
+use crate::constants::{
+    ARCTANGENT, Arctangent, KERNEL_REACH_SIGMAS, MAX_LAST_OFFSET, MAX_REFINE_OFFSET,
+    OPENCV_ARCTANGENT, ORIENTATION_REACH_SIGMAS, ORIENTATION_SIGMA_FACTOR,
 };
-use crate::refine::{OffsetLimits, ScalePoint};
+use crate::points::{OffsetLimits, ScalePoint};
 
 /// One set of the choices the paper leaves open. Opaque: either this crate's own or those of OpenCV.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,7 +161,7 @@ impl Conventions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extrema::Sample;
+    use crate::points::Sample;
 
     #[test]
     fn each_switch_takes_both_ways() {

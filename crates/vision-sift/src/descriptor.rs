@@ -24,14 +24,17 @@
 
 use std::f32::consts::TAU;
 
-use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length, prefetch_window};
-use crate::image::Plane;
-use crate::params::{
-    DESCRIPTOR_BINS, DESCRIPTOR_BYTE_SCALE, DESCRIPTOR_CELL_SIGMAS, DESCRIPTOR_CELLS,
-    DESCRIPTOR_CLIP, DESCRIPTOR_LENGTH, DESCRIPTOR_WINDOW_SIGMA_CELLS, Normalisation,
+use simd_level::SimdLevel;
+
+use crate::constants::{
+    Arctangent, DESCRIPTOR_BINS, DESCRIPTOR_BYTE_SCALE, DESCRIPTOR_CELL_SIGMAS, DESCRIPTOR_CELLS,
+    DESCRIPTOR_CLIP, DESCRIPTOR_LENGTH, DESCRIPTOR_WINDOW_SIGMA_CELLS,
 };
+use crate::gradient::{WindowTable, atan2, falloff, length, prefetch_window};
+use crate::image::Plane;
+use crate::params::Normalisation;
 use crate::samples::Samples;
-use crate::simd::{Body, LANES, Lanes, SimdLevel};
+use crate::simd::{self, Body, LANES, Lanes};
 
 /// Half the side of the square a sample must lie in to touch a cell, cells.
 const REACH_CELLS: f32 = (DESCRIPTOR_CELLS + 1) as f32 / 2.0;
@@ -67,18 +70,21 @@ pub(crate) struct Frame {
 
 /// Descriptor of the keypoint at `frame` from the Gaussian level nearest in scale.
 pub(crate) fn describe(
-    simd: SimdLevel,
+    level: SimdLevel,
     plane: &Plane,
     frame: Frame,
     style: &Style,
     scratch: &mut Scratch,
 ) -> [u8; DESCRIPTOR_LENGTH] {
-    simd.run(Describe {
-        plane,
-        frame,
-        style,
-        scratch,
-    })
+    simd::run(
+        level,
+        Describe {
+            plane,
+            frame,
+            style,
+            scratch,
+        },
+    )
 }
 
 /// Memory of [`describe`], kept between calls because clearing it takes time.
@@ -380,7 +386,7 @@ fn squared_length(values: &[f32; DESCRIPTOR_LENGTH]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradient::ARCTANGENT;
+    use crate::constants::ARCTANGENT;
 
     fn texture(width: usize, height: usize) -> Plane {
         let mut plane = Plane::default();
@@ -446,7 +452,7 @@ mod tests {
             arctangent: ARCTANGENT,
         };
         let mut scratch = Scratch::new();
-        let got = describe(SimdLevel::PORTABLE, plane, frame, &style, &mut scratch);
+        let got = describe(SimdLevel::Portable, plane, frame, &style, &mut scratch);
         for level in SimdLevel::available() {
             let again = describe(level, plane, frame, &style, &mut scratch);
             assert_eq!(again, got, "{level}");

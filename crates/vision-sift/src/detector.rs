@@ -6,17 +6,20 @@
 //! Features come octave by octave from fine to coarse, within an octave by level, row and column of the sample, then by
 //! orientation. The order and every value are the same on any number of threads.
 
+use simd_level::SimdLevel;
+
+use crate::constants::{DESCRIPTOR_LENGTH, PREFILTER_SHARE};
 use crate::descriptor::{self, Frame, Style, describe};
 use crate::error::SiftError;
-use crate::extrema::{self, Sample};
+use crate::extrema;
 use crate::gradient::prefetch_window;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::Kernels;
 use crate::orientation::{self, OrientationWindow, Orientations, orientations};
-use crate::params::{DESCRIPTOR_LENGTH, PREFILTER_SHARE, SiftParams};
-use crate::refine::{Acceptance, ScalePoint, refine};
+use crate::params::SiftParams;
+use crate::points::{Sample, ScalePoint};
+use crate::refine::{Acceptance, refine};
 use crate::scale_space::ScaleSpace;
-use crate::simd::SimdLevel;
 use crate::threads::{for_each_indexed, for_each_with_scratch};
 
 /// Rows of one parallel task of the extremum search.

@@ -6,7 +6,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SiftError {
-    /// One side of the image is shorter than [`crate::params::MIN_IMAGE_SIDE`].
+    /// One side of the image is shorter than 16 pixels.
     #[error("image is {width}x{height} pixels, at least {minimum}x{minimum} needed")]
     ImageTooSmall {
         /// Width given, pixels.
@@ -16,7 +16,7 @@ pub enum SiftError {
         /// Smallest side accepted, pixels.
         minimum: usize,
     },
-    /// One side of the image is longer than [`crate::params::MAX_IMAGE_SIDE`].
+    /// One side of the image is longer than 32 767 pixels.
     #[error("image is {width}x{height} pixels, at most {maximum}x{maximum} accepted")]
     ImageTooLarge {
         /// Width given, pixels.

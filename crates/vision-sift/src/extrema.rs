@@ -10,22 +10,17 @@
 //! The differences of three rows of all levels are kept at a time, sixteen samples are compared side by side: most
 //! vectors fall at the threshold or at the eight neighbours in their plane, few are compared with the levels beside.
 
-use crate::params::BORDER;
-use crate::scale_space::Differences;
-use crate::simd::{Body, LANES, Lanes, SimdLevel, load, prefetch, store};
+use simd_level::SimdLevel;
 
-/// A sample of the current octave.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Sample {
-    pub(crate) level: usize,
-    pub(crate) y: usize,
-    pub(crate) x: usize,
-}
+use crate::constants::BORDER;
+use crate::points::Sample;
+use crate::scale_space::Differences;
+use crate::simd::{self, Body, LANES, Lanes, load, prefetch, store};
 
 /// Appends to `found` each candidate of rows `rows` (octave pixels) with `|D| > threshold`, row by row. Rows and columns
 /// within [`BORDER`] of the edge are skipped. `scratch` is grown as needed.
 pub(crate) fn scan(
-    simd: SimdLevel,
+    level: SimdLevel,
     differences: Differences<'_>,
     rows: std::ops::Range<usize>,
     threshold: f32,
@@ -40,13 +35,16 @@ pub(crate) fn scan(
     if scratch.len() < needed {
         scratch.resize(needed, 0.0);
     }
-    simd.run(Scan {
-        differences,
-        rows,
-        threshold,
-        scratch: &mut scratch[..needed],
-        found,
-    });
+    simd::run(
+        level,
+        Scan {
+            differences,
+            rows,
+            threshold,
+            scratch: &mut scratch[..needed],
+            found,
+        },
+    );
 }
 
 /// Rows of differences kept of each level.
@@ -229,11 +227,11 @@ mod tests {
     /// What is found, the same on every level, in order.
     fn found(samples: &[(Sample, f32)]) -> Vec<Sample> {
         let planes = planes(samples);
-        let run = |simd| {
+        let run = |level| {
             let mut found = Vec::new();
             for rows in [0..16, 16..30] {
                 scan(
-                    simd,
+                    level,
                     Differences(&planes),
                     rows,
                     0.1,
@@ -243,7 +241,7 @@ mod tests {
             }
             found
         };
-        let found = run(SimdLevel::PORTABLE);
+        let found = run(SimdLevel::Portable);
         for level in SimdLevel::available() {
             assert_eq!(run(level), found, "{level}");
         }

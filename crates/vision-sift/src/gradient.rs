@@ -16,6 +16,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
+use crate::constants::Arctangent;
 use crate::image::Plane;
 use crate::simd::{LANES, Lanes, Run, load, prefetch, store};
 
@@ -35,29 +36,6 @@ pub(crate) const ATAN2_MAX_ERROR: f32 = 2.5e-6;
 /// Bound of the relative error of [`falloff`].
 #[cfg(test)]
 pub(crate) const FALLOFF_MAX_ERROR: f32 = 1.5e-5;
-
-/// Odd polynomial of the arctangent on `[0, 1]`: the coefficients of `q, q^3, ... q^11`.
-pub(crate) type Arctangent = [f32; 6];
-
-/// This crate's.
-pub(crate) const ARCTANGENT: Arctangent = [
-    0.999_977_23,
-    -0.332_622_83,
-    0.193_540_35,
-    -0.116_426_39,
-    0.052_647_255,
-    -0.011_719_096,
-];
-
-/// That of OpenCV's `fastAtan2`.
-pub(crate) const OPENCV_ARCTANGENT: Arctangent = [
-    0.999_787_84,
-    -0.325_808_4,
-    0.155_578_65,
-    -0.044_326_555,
-    0.0,
-    0.0,
-];
 
 /// Offset from the centre and window factor of each column of a window.
 pub(crate) struct WindowTable {
@@ -177,6 +155,7 @@ pub(crate) fn atan2<L: Lanes>(y: L, x: L, c: &Arctangent) -> L {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::constants::{ARCTANGENT, OPENCV_ARCTANGENT};
     use crate::simd::Portable;
 
     fn each(values: Run, f: impl Fn(Portable) -> Portable) -> Run {

@@ -5,8 +5,8 @@
 //!
 //! Everywhere in the crate the pixel `(0, 0)` is the *centre* of the top-left pixel, x to the right, y downwards.
 
+use crate::constants::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
 use crate::error::SiftError;
-use crate::params::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
 use crate::simd::LANES;
 
 /// A borrowed 8-bit grey image.

@@ -21,9 +21,10 @@
 //! * `parallel` (default): pyramid, extrema, orientations and descriptors on the current rayon pool; same values.
 //! * `image`: `TryFrom<&image::GrayImage>` for [`GrayImage`].
 
-pub mod params;
-
+mod constants;
 mod conventions;
+mod params;
+mod points;
 mod simd;
 
 mod image;
@@ -51,7 +52,6 @@ pub use detector::{Detector, Features, Keypoint, Stage, Workspace, detect};
 pub use error::SiftError;
 pub use image::GrayImage;
 pub use params::{Normalisation, SiftParams};
-pub use simd::SimdLevel;
 
 /// Compiles the README's code.
 #[doc = include_str!("../README.md")]

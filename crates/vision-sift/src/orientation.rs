@@ -12,11 +12,15 @@
 
 use std::f32::consts::TAU;
 
-use crate::gradient::{Arctangent, WindowTable, atan2, falloff, length};
+use simd_level::SimdLevel;
+
+use crate::constants::{
+    Arctangent, ORIENTATION_BINS, ORIENTATION_PEAK_RATIO, ORIENTATION_SIGMA_FACTOR,
+};
+use crate::gradient::{WindowTable, atan2, falloff, length};
 use crate::image::Plane;
-use crate::params::{ORIENTATION_BINS, ORIENTATION_PEAK_RATIO, ORIENTATION_SIGMA_FACTOR};
 use crate::samples::Samples;
-use crate::simd::{Body, LANES, Lanes, SimdLevel};
+use crate::simd::{self, Body, LANES, Lanes};
 
 /// At most every second bin can be a strict local maximum.
 const MAX_PEAKS: usize = ORIENTATION_BINS / 2;
@@ -72,16 +76,19 @@ impl Orientations {
 
 /// Orientations of one point.
 pub(crate) fn orientations(
-    simd: SimdLevel,
+    level: SimdLevel,
     plane: &Plane,
     window: OrientationWindow,
     scratch: &mut Scratch,
 ) -> Orientations {
-    let histogram = smoothed(&simd.run(GradientHistogram {
-        plane,
-        window,
-        scratch,
-    }));
+    let histogram = smoothed(&simd::run(
+        level,
+        GradientHistogram {
+            plane,
+            window,
+            scratch,
+        },
+    ));
     let highest = histogram.iter().fold(0.0_f32, |a, &b| a.max(b));
     let mut result = Orientations::default();
     if highest <= 0.0 {
@@ -258,7 +265,7 @@ fn smoothed(bins: &[f32; ORIENTATION_BINS]) -> [f32; ORIENTATION_BINS] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradient::ARCTANGENT;
+    use crate::constants::ARCTANGENT;
 
     fn ramp(angle: f32) -> Plane {
         let mut plane = Plane::default();
@@ -284,7 +291,7 @@ mod tests {
         let mut scratch = Scratch::new();
         for to_nearest_bin in [true, false] {
             let window = window(to_nearest_bin);
-            let found = orientations(SimdLevel::PORTABLE, plane, window, &mut scratch);
+            let found = orientations(SimdLevel::Portable, plane, window, &mut scratch);
             for level in SimdLevel::available() {
                 let again = orientations(level, plane, window, &mut scratch);
                 assert_eq!(again, found, "{level}");

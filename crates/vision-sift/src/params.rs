@@ -1,73 +1,10 @@
-//! Parameters of the detector and every constant of the method, named, with its place in the paper.
+//! Parameters of the detector: their defaults, their ranges, and the scales that follow from them.
 //!
 //! Source: D. G. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 60(2), 2004, called *Lowe*
-//! below. Where this crate departs from the paper the constant says so. Grey values are scaled to `[0, 1]`.
+//! below.
 
 use crate::conventions::Conventions;
 use crate::error::SiftError;
-
-/// Shortest image side accepted, pixels. Below it no octave has room for an extremum away from the border.
-pub const MIN_IMAGE_SIDE: usize = 16;
-
-/// Longest image side accepted, pixels. At this length a doubled image still has exact `f32` coordinates.
-pub const MAX_IMAGE_SIDE: usize = 32_767;
-
-/// Extrema nearer than this to the border of their octave are not looked for, octave pixels. Implementation choice
-/// (the descriptor window of such points is mostly outside); OpenCV uses the same value.
-pub(crate) const BORDER: usize = 5;
-
-/// A kernel reaches this many standard deviations each way, rounded to samples. Implementation choice: OpenCV's 4 make the
-/// pyramid a third slower and raise repeatability by 0.002.
-pub(crate) const KERNEL_REACH_SIGMAS: f32 = 3.0;
-
-/// Extrema below this share of the contrast threshold are dropped before the refinement: the refined value
-/// `D + D'x/2` exceeds the sample by too little to pass. Implementation choice.
-pub(crate) const PREFILTER_SHARE: f32 = 0.8;
-
-/// Steps of the refinement before a point is given up. Lowe, section 4, gives no number; 5 is customary.
-pub(crate) const MAX_REFINE_STEPS: usize = 5;
-
-/// A refined offset is accepted up to this length per axis, samples. Lowe, section 4, says 0.5; the hysteresis of 0.1
-/// keeps points that would hop between two samples and measurably raises repeatability.
-pub(crate) const MAX_REFINE_OFFSET: f32 = 0.6;
-
-/// A fit that cannot move on is kept up to this offset per axis, samples; OpenCV rejects it. Implementation choice: at 1
-/// it raises repeatability by 0.004 and the number of keypoints by 3 %; at 1.5 the positions suffer.
-pub(crate) const MAX_LAST_OFFSET: f32 = 1.0;
-
-/// Orientation histogram: number of bins over the full circle. Lowe, section 5: 36.
-pub(crate) const ORIENTATION_BINS: usize = 36;
-
-/// Orientation histogram: standard deviation of the window in units of the keypoint scale. Lowe, section 5: 1.5.
-pub(crate) const ORIENTATION_SIGMA_FACTOR: f32 = 1.5;
-
-/// Orientation histogram: the window reaches this many of its standard deviations. Implementation choice: 3.
-pub(crate) const ORIENTATION_REACH_SIGMAS: f32 = 3.0;
-
-/// A secondary peak at least this share of the highest makes a keypoint of its own. Lowe, section 5: 0.8.
-pub(crate) const ORIENTATION_PEAK_RATIO: f32 = 0.8;
-
-/// Descriptor: spatial cells per side. Lowe, section 6.2: 4.
-pub(crate) const DESCRIPTOR_CELLS: usize = 4;
-
-/// Descriptor: orientation bins per cell. Lowe, section 6.2: 8.
-pub(crate) const DESCRIPTOR_BINS: usize = 8;
-
-/// Length of a descriptor: 4 x 4 cells x 8 bins.
-pub const DESCRIPTOR_LENGTH: usize = DESCRIPTOR_CELLS * DESCRIPTOR_CELLS * DESCRIPTOR_BINS;
-
-/// Descriptor: side of a cell in units of the keypoint scale. Lowe gives 4 samples a cell at one scale; 3 sigma is what
-/// his program and OpenCV use.
-pub(crate) const DESCRIPTOR_CELL_SIGMAS: f32 = 3.0;
-
-/// Descriptor: standard deviation of the window in cells; half the window width of 4 cells. Lowe, section 6.1.
-pub(crate) const DESCRIPTOR_WINDOW_SIGMA_CELLS: f32 = 2.0;
-
-/// Descriptor: values of the unit vector above this are cut before renormalising. Lowe, section 6.1: 0.2.
-pub(crate) const DESCRIPTOR_CLIP: f32 = 0.2;
-
-/// Descriptor: unit vector to bytes, values above 255 saturate. As OpenCV.
-pub(crate) const DESCRIPTOR_BYTE_SCALE: f32 = 512.0;
 
 /// How the 128 values of a descriptor are scaled before they become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -217,73 +154,20 @@ mod tests {
     #[test]
     fn every_field_is_checked() {
         assert_eq!(SiftParams::default().check(), Ok(()));
-        let d = SiftParams::default;
-        let bad = [
-            (
-                "max_features",
-                SiftParams {
-                    max_features: Some(0),
-                    ..d()
-                },
-            ),
-            (
-                "scales_per_octave",
-                SiftParams {
-                    scales_per_octave: 0,
-                    ..d()
-                },
-            ),
-            (
-                "scales_per_octave",
-                SiftParams {
-                    scales_per_octave: 9,
-                    ..d()
-                },
-            ),
-            (
-                "contrast_threshold",
-                SiftParams {
-                    contrast_threshold: 0.0,
-                    ..d()
-                },
-            ),
-            (
-                "contrast_threshold",
-                SiftParams {
-                    contrast_threshold: f32::NAN,
-                    ..d()
-                },
-            ),
-            (
-                "edge_ratio",
-                SiftParams {
-                    edge_ratio: 0.5,
-                    ..d()
-                },
-            ),
-            (
-                "base_sigma",
-                SiftParams {
-                    base_sigma: 1.0,
-                    ..d()
-                },
-            ),
-            (
-                "base_sigma",
-                SiftParams {
-                    base_sigma: f32::INFINITY,
-                    ..d()
-                },
-            ),
-            (
-                "camera_sigma",
-                SiftParams {
-                    camera_sigma: -0.1,
-                    ..d()
-                },
-            ),
+        let bad: [(&str, &dyn Fn(&mut SiftParams)); 9] = [
+            ("max_features", &|p| p.max_features = Some(0)),
+            ("scales_per_octave", &|p| p.scales_per_octave = 0),
+            ("scales_per_octave", &|p| p.scales_per_octave = 9),
+            ("contrast_threshold", &|p| p.contrast_threshold = 0.0),
+            ("contrast_threshold", &|p| p.contrast_threshold = f32::NAN),
+            ("edge_ratio", &|p| p.edge_ratio = 0.5),
+            ("base_sigma", &|p| p.base_sigma = 1.0),
+            ("base_sigma", &|p| p.base_sigma = f32::INFINITY),
+            ("camera_sigma", &|p| p.camera_sigma = -0.1),
         ];
-        for (expected, params) in bad {
+        for (expected, spoil) in bad {
+            let mut params = SiftParams::default();
+            spoil(&mut params);
             match params.check() {
                 Err(SiftError::ParameterOutOfRange { name, .. }) => assert_eq!(name, expected),
                 other => panic!("{expected}: {other:?}"),

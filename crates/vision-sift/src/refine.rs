@@ -14,33 +14,9 @@
 //! and edges, by the ratio of the principal curvatures of the 2x2 spatial Hessian, `tr^2 / det < (r + 1)^2 / r`
 //! (section 4.1; `det <= 0` is a saddle and rejected as well).
 
-use crate::extrema::Sample;
-use crate::params::{BORDER, MAX_REFINE_STEPS};
+use crate::constants::{BORDER, MAX_REFINE_STEPS};
+use crate::points::{OffsetLimits, Sample, ScalePoint};
 use crate::scale_space::Differences;
-
-/// A refined extremum in the coordinates of its octave.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ScalePoint {
-    /// The sample the fit settled on; different candidates may settle on the same one.
-    pub(crate) sample: Sample,
-    /// Position in octave pixels.
-    pub(crate) x: f32,
-    /// Position in octave pixels.
-    pub(crate) y: f32,
-    /// Level within the octave, fractional.
-    pub(crate) level: f32,
-    /// `|D(x^)|`.
-    pub(crate) response: f32,
-}
-
-/// Largest offsets accepted per axis, samples.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct OffsetLimits {
-    /// A fit within this has settled.
-    pub(crate) settled: f32,
-    /// A fit that can move no further is kept within this.
-    pub(crate) last: f32,
-}
 
 /// Which refined extrema become points.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,12 +17,15 @@
 //! The differences are not stored: the search for extrema and the refinement subtract where they look, which saves
 //! writing and reading five planes an octave.
 
+use simd_level::SimdLevel;
+
 use crate::blur::{blur, scratch_length};
+use crate::constants::BORDER;
 use crate::conventions::Doubling;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::{Kernel, Kernels};
-use crate::params::{BORDER, SiftParams};
-use crate::simd::{Body, Lanes, SimdLevel};
+use crate::params::SiftParams;
+use crate::simd::{self, Body, Lanes};
 
 /// Shorter sides than this leave no sample to examine.
 const MIN_OCTAVE_SIDE: usize = 2 * BORDER + 1;
@@ -84,7 +87,7 @@ impl ScaleSpace {
     }
 
     /// Sizes the pyramid for `image` and scales the grey values into the input plane.
-    pub(crate) fn start(&mut self, simd: SimdLevel, image: &GrayImage<'_>, params: &SiftParams) {
+    pub(crate) fn start(&mut self, level: SimdLevel, image: &GrayImage<'_>, params: &SiftParams) {
         let conventions = params.conventions;
         let (mut width, mut height) = (image.width(), image.height());
         if params.double_image {
@@ -92,11 +95,14 @@ impl ScaleSpace {
             (width, height) = (2 * width - left_out, 2 * height - left_out);
         }
         self.input.resize(width, height);
-        simd.run(LoadRows {
-            image,
-            doubling: params.double_image.then_some(conventions.doubling),
-            plane: &mut self.input,
-        });
+        simd::run(
+            level,
+            LoadRows {
+                image,
+                doubling: params.double_image.then_some(conventions.doubling),
+                plane: &mut self.input,
+            },
+        );
         self.levels_per_octave = params.scales_per_octave + 3;
         self.octaves = 0;
         while width.min(height) >= MIN_OCTAVE_SIDE {
@@ -113,7 +119,7 @@ impl ScaleSpace {
     }
 
     /// Builds the levels of octave `octave`; the octave before must have been built.
-    pub(crate) fn build_octave(&mut self, simd: SimdLevel, octave: usize, kernels: &Kernels) {
+    pub(crate) fn build_octave(&mut self, level: SimdLevel, octave: usize, kernels: &Kernels) {
         let n = self.levels_per_octave;
         let (before, rest) = self.gaussians.split_at_mut(octave * n);
         let levels = &mut rest[..n];
@@ -129,16 +135,19 @@ impl ScaleSpace {
         }
         let scratch = &mut self.scratch;
         if octave == 0 {
-            blur(simd, &self.input, &kernels.first, &mut levels[0], scratch);
+            blur(level, &self.input, &kernels.first, &mut levels[0], scratch);
         } else {
-            simd.run(Halve {
-                source: &before[octave * n - 3],
-                target: &mut levels[0],
-            });
+            simd::run(
+                level,
+                Halve {
+                    source: &before[octave * n - 3],
+                    target: &mut levels[0],
+                },
+            );
         }
         for (i, kernel) in kernels.steps.iter().enumerate() {
             let (done, next) = levels.split_at_mut(i + 1);
-            blur(simd, &done[i], kernel, &mut next[0], scratch);
+            blur(level, &done[i], kernel, &mut next[0], scratch);
         }
     }
 }
@@ -257,9 +266,9 @@ mod tests {
         let data: Vec<u8> = (0..17 * 16).map(|i| (i * 37 % 251) as u8).collect();
         let image = GrayImage::new(17, 16, &data).unwrap();
         let grey = |x: usize, y: usize| f32::from(data[y * 17 + x]) / 255.0;
-        for simd in SimdLevel::available() {
+        for level in SimdLevel::available() {
             let mut space = ScaleSpace::default();
-            space.start(simd, &image, &SiftParams::default());
+            space.start(level, &image, &SiftParams::default());
             let plane = &space.input;
             assert_eq!((plane.width(), plane.height()), (33, 31));
             for y in 0..15 {
@@ -330,10 +339,13 @@ mod tests {
             }
             let mut target = Plane::default();
             target.resize(11, 7);
-            SimdLevel::best().run(Halve {
-                source: &source,
-                target: &mut target,
-            });
+            simd::run(
+                SimdLevel::best(),
+                Halve {
+                    source: &source,
+                    target: &mut target,
+                },
+            );
             for y in 0..7 {
                 for x in 0..11 {
                     assert_eq!(target.at(x, y), (200 * y + 2 * x) as f32);
@@ -348,7 +360,7 @@ mod tests {
         let params = SiftParams::default();
         let mut space = ScaleSpace::default();
         space.start(
-            SimdLevel::PORTABLE,
+            SimdLevel::Portable,
             &GrayImage::new(41, 30, &data).unwrap(),
             &params,
         );

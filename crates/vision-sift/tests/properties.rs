@@ -4,9 +4,8 @@ mod common;
 
 use common::{Picture, agreement, detect, detect_with, scene};
 use proptest::prelude::*;
-use vision_sift::{
-    Detector, Features, GrayImage, Keypoint, SiftError, SiftParams, SimdLevel, Workspace,
-};
+use simd_level::SimdLevel;
+use vision_sift::{Detector, Features, GrayImage, Keypoint, SiftError, SiftParams, Workspace};
 
 /// A picture of one of several kinds: noise, steps, smooth scene, flat.
 fn pictures() -> impl Strategy<Value = Picture> {
@@ -155,7 +154,7 @@ fn instruction_sets_do_not_matter() {
                     .unwrap();
                 features
             };
-            let portable = run(SimdLevel::PORTABLE);
+            let portable = run(SimdLevel::Portable);
             for simd in SimdLevel::available() {
                 assert!(run(simd) == portable, "{simd}");
             }

@@ -8,18 +8,9 @@
 
 use std::arch::x86_64::*;
 
-use super::{Body, LANES, Lanes, Run};
+use simd_level::Detected;
 
-pub(super) fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2")
-}
-
-pub(super) fn has_avx512() -> bool {
-    is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512bw")
-}
+use super::lanes::{Body, LANES, Lanes, Run};
 
 /// Asks for the cache line of `samples[0]`; every x86-64 processor can.
 #[inline(always)]
@@ -28,27 +19,25 @@ pub(super) fn prefetch(samples: &[f32]) {
     unsafe { _mm_prefetch::<_MM_HINT_T0>(samples.as_ptr().cast()) };
 }
 
-/// Runs `body` with AVX2; the caller has [`has_avx2`].
+/// Runs `body` with AVX2.
 #[inline]
-pub(super) fn run_avx2<B: Body>(body: B) -> B::Output {
+pub(super) fn run_avx2<B: Body>(_: Detected<256>, body: B) -> B::Output {
     #[target_feature(enable = "avx2")]
     fn inner<B: Body>(body: B) -> B::Output {
         body.run::<Avx2>()
     }
-    debug_assert!(has_avx2());
-    // SAFETY: a `SimdLevel` of AVX2 exists only where `has_avx2` was true.
+    // SAFETY: `Detected<256>` exists only where the processor has AVX2.
     unsafe { inner(body) }
 }
 
-/// Runs `body` with AVX-512; the caller has [`has_avx512`].
+/// Runs `body` with AVX-512.
 #[inline]
-pub(super) fn run_avx512<B: Body>(body: B) -> B::Output {
+pub(super) fn run_avx512<B: Body>(_: Detected<512>, body: B) -> B::Output {
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
     fn inner<B: Body>(body: B) -> B::Output {
         body.run::<Avx512>()
     }
-    debug_assert!(has_avx512());
-    // SAFETY: a `SimdLevel` of AVX-512 exists only where `has_avx512` was true.
+    // SAFETY: `Detected<512>` exists only where the processor has these sets of AVX-512.
     unsafe { inner(body) }
 }
 
