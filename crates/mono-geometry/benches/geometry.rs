@@ -7,8 +7,8 @@ use mono_geometry::linalg::svd;
 use mono_geometry::pnp::{Correspondence, RefineOptions, estimate_pose, p3p, refine_pose};
 use mono_geometry::triangulation::{correct_match, triangulate_two_views};
 use mono_geometry::{
-    Acceptance, Camera, Distortion, InverseDepthPoint, Mount, Observation, Pinhole, Se2, Se3,
-    epipolar, inverse_depth, triangulate,
+    Acceptance, Camera, Distortion, InverseDepthPoint, Mount, Observation, Pinhole, PlacedCamera,
+    Se2, Se3, epipolar, inverse_depth, triangulate,
 };
 use nalgebra::{DMatrix, Vector2, Vector3};
 
@@ -93,9 +93,9 @@ fn benches(criterion: &mut Criterion) {
         criterion.bench_function(&format!("triangulate_{views}_views"), |b| {
             b.iter(|| triangulate(&pinhole, black_box(&observations), &Acceptance::default()));
         });
-        let first = observations[0].camera_from_world.inverse();
+        let anchor = PlacedCamera::new(&observations[0].camera_from_world.inverse());
         criterion.bench_function(&format!("refine_inverse_depth_{views}_views"), |b| {
-            b.iter(|| inverse_depth::refine(&pinhole, &first, black_box(&observations), 25));
+            b.iter(|| inverse_depth::refine(&pinhole, &anchor, black_box(&observations), 25));
         });
         if let [first, second] = observations[..] {
             let two = [first, second];
@@ -119,7 +119,9 @@ fn benches(criterion: &mut Criterion) {
 
     let anchor = mount.world_from_camera(&Se2::identity(), 0.0, 0.0, 0.0);
     let view = mount.world_from_camera(&Se2::new(0.1, 0.2, 0.05), 0.0, 0.0, 0.0);
-    let anchored = InverseDepthPoint::from_pixel(&pinhole, &anchor, &pixel, 0.5);
+    let (mean, _) = inverse_depth::first_sighting(&pinhole, &pixel, 0.5, 0.5, 0.25);
+    let anchored = InverseDepthPoint::new(&PlacedCamera::new(&anchor), &mean);
+    let view = PlacedCamera::new(&view);
     criterion.bench_function("predict_inverse_depth", |b| {
         b.iter(|| anchored.predict(&pinhole, black_box(&view)));
     });

@@ -5,13 +5,19 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
+use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, first_sighting, refine};
 use mono_geometry::linalg::cholesky;
-use mono_geometry::{Acceptance, InverseDepthPoint, Mount, Rejection, Se2, Se3, triangulate};
+use mono_geometry::{
+    Acceptance, InverseDepthPoint, Mount, PlacedCamera, Rejection, Se2, Se3, triangulate,
+};
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+
+fn placed_at(position: Vector3<f64>, target: Vector3<f64>) -> PlacedCamera {
+    PlacedCamera::new(&look_at(position, target))
+}
 
 proptest! {
     #![proptest_config(config(300))]
@@ -28,9 +34,11 @@ proptest! {
         let anchor = mount.world_from_camera(&Se2::new(3.0, -1.0, heading), 0.01, -0.02, 0.3);
         let camera = mount.world_from_camera(
             &Se2::new(3.0 + moved.0, -1.0 + moved.1, heading + turn), -0.01, 0.02, 0.31);
-        let point = InverseDepthPoint { world_from_anchor: anchor, alpha, beta, rho };
-        let prediction = point.predict(&pinhole(), &camera).unwrap();
-        prop_assert_eq!(point.project(&pinhole(), &camera), Some(prediction.pixel_ideal));
+        let anchor = PlacedCamera::new(&anchor);
+        let point = InverseDepthPoint { anchor, alpha, beta, rho };
+        let view = PlacedCamera::new(&camera);
+        let prediction = point.predict(&pinhole(), &view).unwrap();
+        prop_assert_eq!(point.project(&pinhole(), &view), Some(prediction.pixel_ideal));
         if let Some(world) = point.point_in_world() {
             if let Some(pixel) = pinhole().project(&camera.inverse().transform_point(&world)) {
                 let tolerance = 1e-9 + 1e-13 / rho;
@@ -44,16 +52,21 @@ proptest! {
         for j in 0..3 {
             let mut d = Vector3::zeros();
             d[j] = step;
-            let plus = point.with_parameters(&(point.parameters() + d)).project(&pinhole(), &camera).unwrap();
-            let minus = point.with_parameters(&(point.parameters() - d)).project(&pinhole(), &camera).unwrap();
+            let moved = |d: Vector3<f64>| {
+                InverseDepthPoint::new(&anchor, &(point.parameters() + d)).project(&pinhole(), &view).unwrap()
+            };
+            let (plus, minus) = (moved(d), moved(-d));
             by_parameters.set_column(j, &((plus - minus) / (2.0 * step)));
         }
         let mut by_camera = Matrix2x6::zeros();
         for j in 0..6 {
             let mut d = Vector6::zeros();
             d[j] = step;
-            let plus = point.project(&pinhole(), &camera.compose(&Se3::exp(&d))).unwrap();
-            let minus = point.project(&pinhole(), &camera.compose(&Se3::exp(&-d))).unwrap();
+            let moved = |d: Vector6<f64>| {
+                let camera = PlacedCamera::new(&camera.compose(&Se3::exp(&d)));
+                point.project(&pinhole(), &camera).unwrap()
+            };
+            let (plus, minus) = (moved(d), moved(-d));
             by_camera.set_column(j, &((plus - minus) / (2.0 * step)));
         }
         // Truncation h^2 f''' / 6 with f''' up to 1e4 px, rounding 1e-13 * 500 / h.
@@ -65,9 +78,9 @@ proptest! {
 
 #[test]
 fn euclidean_covariance_matches_monte_carlo() {
-    let anchor = look_at(Vector3::new(1.0, -1.0, 0.4), Vector3::new(2.0, 3.0, 0.0));
+    let anchor = placed_at(Vector3::new(1.0, -1.0, 0.4), Vector3::new(2.0, 3.0, 0.0));
     let point = InverseDepthPoint {
-        world_from_anchor: anchor,
+        anchor,
         alpha: 0.3,
         beta: -0.2,
         rho: 0.4,
@@ -80,7 +93,7 @@ fn euclidean_covariance_matches_monte_carlo() {
     let mut outer = Matrix3::zeros();
     for _ in 0..trials {
         let draw = Vector3::new(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng));
-        let moved = point.with_parameters(&(point.parameters() + factor * draw));
+        let moved = InverseDepthPoint::new(&anchor, &(point.parameters() + factor * draw));
         let error = moved.point_in_world().unwrap() - mean;
         outer += error * error.transpose();
     }
@@ -109,11 +122,11 @@ fn inverse_depth_update_agrees_with_triangulation() {
     ];
     let triangulated = triangulate(&pinhole(), &observations, &Acceptance::default()).unwrap();
     let rho = 1.0 / cameras[0].inverse().transform_point(&target).z;
-    let point =
-        InverseDepthPoint::from_pixel(&pinhole(), &cameras[0], &observations[0].pixel_ideal, rho);
     // A prior without depth information, then the information of the second view.
-    let prior = InverseDepthPoint::initial_covariance(&pinhole(), 0.5, 1e4);
-    let prediction = point.predict(&pinhole(), &cameras[1]).unwrap();
+    let (mean, prior) = first_sighting(&pinhole(), &observations[0].pixel_ideal, 0.5, rho, 1e4);
+    let [anchor, second] = cameras.map(|camera| PlacedCamera::new(&camera));
+    let point = InverseDepthPoint::new(&anchor, &mean);
+    let prediction = point.predict(&pinhole(), &second).unwrap();
     let h = prediction.by_parameters;
     let information = cholesky(&prior).unwrap().inverse() + h.transpose() * h / 0.25;
     let posterior = cholesky(&information).unwrap().inverse();
@@ -124,9 +137,9 @@ fn inverse_depth_update_agrees_with_triangulation() {
 
 #[test]
 fn linearity_index_closed_form_and_limits() {
-    let anchor = look_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
+    let anchor = placed_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
     let point = InverseDepthPoint {
-        world_from_anchor: anchor,
+        anchor,
         alpha: 0.0,
         beta: 0.0,
         rho: 0.25,
@@ -134,13 +147,14 @@ fn linearity_index_closed_form_and_limits() {
     // Seen from the anchor itself: 4 (sigma_rho / rho^2) / (1 / rho) = 4 sigma_rho / rho.
     assert!((point.linearity_index(0.01, &anchor) - 4.0 * 0.01 / 0.25).abs() < 1e-15);
     // At a right angle a Gaussian in depth is seen without distortion.
-    let side = look_at(Vector3::new(3.0, 4.0, 0.0), Vector3::new(0.0, 4.0, 0.0));
+    let side = placed_at(Vector3::new(3.0, 4.0, 0.0), Vector3::new(0.0, 4.0, 0.0));
     assert!(point.linearity_index(0.01, &side) < 1e-15);
     let infinite = InverseDepthPoint { rho: 0.0, ..point };
     assert!(infinite.linearity_index(0.01, &anchor).is_infinite());
     assert!(infinite.to_euclidean(&Matrix3::identity()).is_none());
     // Infinity is seen in the anchor's direction from everywhere, and rho means nothing at the anchor.
-    let shifted = Se3::new(anchor.rotation, Vector3::new(5.0, 0.0, 0.0));
+    let moved = |centre| PlacedCamera { centre, ..anchor };
+    let shifted = moved(Vector3::new(5.0, 0.0, 0.0));
     assert_eq!(
         infinite.project(&pinhole(), &shifted),
         infinite.project(&pinhole(), &anchor)
@@ -148,7 +162,7 @@ fn linearity_index_closed_form_and_limits() {
     let at_anchor = point.predict(&pinhole(), &anchor).unwrap();
     assert_eq!(at_anchor.by_parameters.column(2).norm(), 0.0);
     // A camera beyond the point has it behind itself.
-    let beyond = Se3::new(anchor.rotation, Vector3::new(0.0, 5.0, 0.0));
+    let beyond = moved(Vector3::new(0.0, 5.0, 0.0));
     assert!(point.project(&pinhole(), &beyond).is_none());
 }
 
@@ -182,6 +196,7 @@ fn n_views_give_the_minimum_that_triangulation_gives() {
             // Any anchor will do, also one that is no view.
             let elsewhere = look_at(Vector3::new(0.1, -0.5, 0.2), target + Vector3::x() * 0.2);
             for anchor in [cameras[0], cameras[views - 1], elsewhere] {
+                let anchor = PlacedCamera::new(&anchor);
                 let found = refine(&pinhole(), &anchor, &observations, 50).unwrap();
                 assert!((found.chi_square - euclidean.chi_square).abs() < 1e-8);
                 assert_eq!(found.degrees_of_freedom, 2 * views - 3);
@@ -207,15 +222,15 @@ fn points_not_told_from_infinity_are_an_answer_and_no_baseline_is_none() {
     ];
     // Half a pixel of rays that part: nearest at rho < 0.
     observations[1].pixel_ideal.x += 0.5;
-    let found = refine(&pinhole(), &cameras[0], &observations, 20).unwrap();
+    let [anchor, second] = cameras.map(|camera| PlacedCamera::new(&camera));
+    let found = refine(&pinhole(), &anchor, &observations, 20).unwrap();
     let sigma_rho = found.covariance[(2, 2)].sqrt();
     assert!(found.point.rho < 0.0 && sigma_rho > found.point.rho.abs());
     assert!(found.chi_square < 1e-9);
-    match found.point.to_euclidean_if_linear(
-        &found.covariance,
-        &cameras[1],
-        CONVERSION_LINEARITY_INDEX,
-    ) {
+    match found
+        .point
+        .to_euclidean_if_linear(&found.covariance, &second, CONVERSION_LINEARITY_INDEX)
+    {
         Err(NotYet::AtInfinity {
             rho,
             sigma_rho: sigma,
@@ -226,7 +241,7 @@ fn points_not_told_from_infinity_are_an_answer_and_no_baseline_is_none() {
     }
     let twice = [observations[0], observations[0]];
     assert!(matches!(
-        refine(&pinhole(), &cameras[0], &twice, 20),
+        refine(&pinhole(), &anchor, &twice, 20),
         Err(Rejection::ParallaxTooSmall {
             parallax_rad: 0.0,
             ..
@@ -235,18 +250,18 @@ fn points_not_told_from_infinity_are_an_answer_and_no_baseline_is_none() {
     let mut bad = observations;
     bad[1].sigma_px = -1.0;
     assert_eq!(
-        refine(&pinhole(), &cameras[0], &bad, 20).unwrap_err(),
+        refine(&pinhole(), &anchor, &bad, 20).unwrap_err(),
         Rejection::BadObservation { view: 1, views: 2 }
     );
     let mut skew = observations;
     skew[1].pixel_ideal.y += 2.0;
     assert!(matches!(
-        refine(&pinhole(), &cameras[0], &skew, 0),
+        refine(&pinhole(), &anchor, &skew, 0),
         Err(Rejection::NotConverged { iterations: 0, step_sigmas, required_sigmas })
             if step_sigmas > required_sigmas
     ));
     // The anchor looks away from what its neighbour sees.
-    let away = look_at(cameras[0].translation, -target);
+    let away = placed_at(cameras[0].translation, -target);
     assert!(matches!(
         refine(&pinhole(), &away, &observations, 20),
         Err(Rejection::BehindCamera { .. })
@@ -255,9 +270,9 @@ fn points_not_told_from_infinity_are_an_answer_and_no_baseline_is_none() {
 
 #[test]
 fn conversion_waits_for_the_index() {
-    let anchor = look_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
+    let anchor = placed_at(Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0));
     let point = InverseDepthPoint {
-        world_from_anchor: anchor,
+        anchor,
         alpha: 0.1,
         beta: 0.0,
         rho: 0.25,

@@ -10,7 +10,8 @@ use mono_geometry::ransac::{Options, Uniform};
 use mono_geometry::triangulation::{correct_match, triangulate_two_views};
 use mono_geometry::{
     Acceptance, Camera, ControlNoise, Distortion, EpipolarPair, InverseDepthPoint, Mount,
-    Observation, OdometrySample, Pinhole, RobustLoss, Se2, Se3, inverse_depth, so3, triangulate,
+    Observation, OdometrySample, Pinhole, PlacedCamera, RobustLoss, Se2, Se3, inverse_depth, so3,
+    triangulate,
 };
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
@@ -96,19 +97,20 @@ proptest! {
             }
             let _ = pair.sampson(&a, &b, n[16], n[17]);
         }
-        let point = InverseDepthPoint { world_from_anchor: pose(0), alpha: n[12], beta: n[13], rho: n[14] };
-        if let Some(prediction) = point.predict(&pinhole, &pose(6)) {
+        let point = InverseDepthPoint { anchor: PlacedCamera::new(&pose(0)), alpha: n[12], beta: n[13], rho: n[14] };
+        let view = PlacedCamera::new(&pose(6));
+        if let Some(prediction) = point.predict(&pinhole, &view) {
             prop_assert!(prediction.pixel_ideal.iter().all(|v| v.is_finite()));
         }
         if let Some(world) = point.point_in_world() {
             prop_assert!(world.iter().all(|v| v.is_finite()));
         }
-        let _ = point.linearity_index(n[15], &pose(6));
+        let _ = point.linearity_index(n[15], &view);
         let diagonal = Matrix3::from_diagonal(&Vector3::new(n[16], n[17], n[18]));
-        if let Ok((world, covariance)) = point.to_euclidean_if_linear(&diagonal, &pose(6), n[19]) {
+        if let Ok((world, covariance)) = point.to_euclidean_if_linear(&diagonal, &view, n[19]) {
             prop_assert!(world.iter().chain(covariance.iter()).all(|v| v.is_finite()));
         }
-        if let Ok(found) = inverse_depth::refine(&pinhole, &pose(0), &observations, 40) {
+        if let Ok(found) = inverse_depth::refine(&pinhole, &point.anchor, &observations, 40) {
             prop_assert!(found.point.parameters().iter().chain(found.covariance.iter()).all(|v| v.is_finite()));
         }
         let two = [observations[0], observations[1]];

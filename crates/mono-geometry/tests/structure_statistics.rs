@@ -17,7 +17,7 @@ use common::{gauss, look_at, pinhole, see};
 use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
 use mono_geometry::linalg::cholesky;
 use mono_geometry::triangulation::triangulate_two_views;
-use mono_geometry::{Acceptance, Observation, Se3, triangulate};
+use mono_geometry::{Acceptance, Observation, PlacedCamera, Se3, triangulate};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -120,7 +120,8 @@ fn run(parallax_deg: f64) -> Trials {
             .metres
             .add(&(found.point - target), &found.covariance, &along);
 
-        let fitted = refine(&pinhole(), &cameras[0], &observations, 100).expect("no trial is lost");
+        let [anchor, second] = cameras.map(|camera| PlacedCamera::new(&camera));
+        let fitted = refine(&pinhole(), &anchor, &observations, 100).expect("no trial is lost");
         assert!((fitted.chi_square - found.chi_square).abs() < 1e-6 * (1.0 + found.chi_square));
         let in_inverse = trials.inverse.add(
             &(fitted.point.parameters() - truth),
@@ -132,10 +133,10 @@ fn run(parallax_deg: f64) -> Trials {
         let sigma_rho = fitted.covariance[(2, 2)].sqrt();
         trials.ratio += sigma_rho / truth.z / f64::from(TRIALS);
         trials.linearity_index +=
-            fitted.point.linearity_index(sigma_rho, &cameras[1]) / f64::from(TRIALS);
+            fitted.point.linearity_index(sigma_rho, &second) / f64::from(TRIALS);
         match fitted.point.to_euclidean_if_linear(
             &fitted.covariance,
-            &cameras[1],
+            &second,
             CONVERSION_LINEARITY_INDEX,
         ) {
             Ok((point, covariance)) => {

@@ -16,7 +16,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::InverseDepthPoint;
-use crate::se3::Se3;
+use crate::placed_camera::PlacedCamera;
 
 /// Largest linearity index at which Civera, Davison and Montiel convert: a bias of at most 1/40 of a standard deviation.
 pub const CONVERSION_LINEARITY_INDEX: f64 = 0.1;
@@ -48,46 +48,35 @@ impl InverseDepthPoint {
     /// Position in the world, metres; `None` for rho <= 0, a point at infinity. O(1).
     #[must_use]
     pub fn point_in_world(&self) -> Option<Vector3<f64>> {
-        if self.rho > 0.0 {
-            let point = self
-                .world_from_anchor
-                .transform_point(&(self.ray() / self.rho));
-            point.iter().all(|v| v.is_finite()).then_some(point)
-        } else {
-            None
-        }
+        self.to_euclidean(&Matrix3::zeros()).map(|(point, _)| point)
     }
 
     /// Position and covariance in the world (m, m^2) of a point with the given covariance of (alpha, beta, rho), to first
     /// order. Good where [`Self::linearity_index`] is small. O(1).
     #[must_use]
     pub fn to_euclidean(&self, covariance: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        let point = self.point_in_world()?;
-        let depth = 1.0 / self.rho;
-        let mut in_anchor = Matrix3::identity() * depth;
-        in_anchor.set_column(2, &(self.ray() * (-depth * depth)));
-        let jacobian = self.world_from_anchor.rotation.matrix() * in_anchor;
-        let world = jacobian * covariance * jacobian.transpose();
-        Some((point, crate::linalg::symmetrize(&world)))
+        let (point, world) = self.geometry().to_point(&self.parameters(), covariance)?;
+        let finite = point.iter().all(|v| v.is_finite());
+        finite.then(|| (point, crate::linalg::symmetrize(&world)))
     }
 
     /// How far a Gaussian in Euclidean coordinates would be from the truth, seen from a view: the index of Civera et al.,
     /// L = 4 sigma_d |cos a| / d, with sigma_d the standard deviation of the distance on the anchor ray, d the distance
     /// of the view from the point and a the parallax. They convert below 0.1. Infinite for rho <= 0. O(1).
     #[must_use]
-    pub fn linearity_index(&self, sigma_rho: f64, world_from_camera: &Se3) -> f64 {
+    pub fn linearity_index(&self, sigma_rho: f64, view: &PlacedCamera) -> f64 {
         let Some(point) = self.point_in_world() else {
             return f64::INFINITY;
         };
-        let ray = self.ray();
+        let ray = self.anchor_ray();
         let sigma_distance = ray.norm() * sigma_rho / (self.rho * self.rho);
-        let from_anchor = self.world_from_anchor.rotation * ray.normalize();
-        let from_view = point - world_from_camera.translation;
+        let from_anchor = self.anchor.camera_from_world.tr_mul(&ray.normalize());
+        let from_view = point - view.centre;
         let distance = from_view.norm();
         4.0 * sigma_distance * (from_anchor.dot(&from_view) / distance).abs() / distance
     }
 
-    /// [`Self::to_euclidean`] if the linearity index in `world_from_view` is at most `max_linearity_index`
+    /// [`Self::to_euclidean`] if the linearity index in `view` is at most `max_linearity_index`
     /// ([`CONVERSION_LINEARITY_INDEX`] is the usual one). O(1).
     ///
     /// # Errors
@@ -95,7 +84,7 @@ impl InverseDepthPoint {
     pub fn to_euclidean_if_linear(
         &self,
         covariance: &Matrix3<f64>,
-        world_from_view: &Se3,
+        view: &PlacedCamera,
         max_linearity_index: f64,
     ) -> Result<(Vector3<f64>, Matrix3<f64>), NotYet> {
         let sigma_rho = covariance[(2, 2)].max(0.0).sqrt();
@@ -104,7 +93,7 @@ impl InverseDepthPoint {
             sigma_rho,
         };
         let (point, euclidean) = self.to_euclidean(covariance).ok_or(at_infinity)?;
-        let index = self.linearity_index(sigma_rho, world_from_view);
+        let index = self.linearity_index(sigma_rho, view);
         let usable = index.is_finite()
             && covariance[(2, 2)] >= 0.0
             && euclidean.iter().all(|v| v.is_finite());

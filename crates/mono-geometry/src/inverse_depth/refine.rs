@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::InverseDepthPoint;
 use crate::camera::Pinhole;
 use crate::linalg::{cholesky, symmetrize};
-use crate::se3::Se3;
+use crate::placed_camera::PlacedCamera;
 use crate::triangulation::{Observation, Rejection, STEP_TOLERANCE_SIGMAS, check};
 
 /// An inverse depth point fitted to views.
@@ -39,24 +39,24 @@ pub struct Refined {
     pub iterations: usize,
 }
 
-/// The inverse depth point of least reprojection error, anchored at `world_from_anchor` (commonly the first view's pose,
-/// but it need not be one of the views). O(views) per step.
+/// The inverse depth point of least reprojection error, anchored in `anchor` (commonly the first view, but it need not
+/// be one of the views). O(views) per step.
 ///
 /// # Errors
 /// [`Rejection::BadObservation`], [`Rejection::BehindCamera`], [`Rejection::NotConverged`], or
 /// [`Rejection::ParallaxTooSmall`] where no baseline makes rho visible.
 pub fn refine(
     pinhole: &Pinhole,
-    world_from_anchor: &Se3,
+    anchor: &PlacedCamera,
     observations: &[Observation],
     max_iterations: usize,
 ) -> Result<Refined, Rejection> {
     check(observations)?;
-    let cameras: Vec<Se3> = observations
+    let cameras: Vec<PlacedCamera> = observations
         .iter()
-        .map(|o| o.camera_from_world.inverse())
+        .map(|o| PlacedCamera::new(&o.camera_from_world.inverse()))
         .collect();
-    let mut point = start(pinhole, world_from_anchor, observations, &cameras)?;
+    let mut point = start(pinhole, anchor, observations, &cameras)?;
     let mut normal = normal_equations(pinhole, observations, &cameras, &point)?;
     let mut iterations = 0;
     let covariance = loop {
@@ -81,7 +81,7 @@ pub fn refine(
         iterations += 1;
         let mut scale = 1.0;
         let accepted = (0..12).find_map(|_| {
-            let candidate = point.with_parameters(&(point.parameters() + step * scale));
+            let candidate = InverseDepthPoint::new(anchor, &(point.parameters() + step * scale));
             scale *= 0.5;
             normal_equations(pinhole, observations, &cameras, &candidate)
                 .ok()
@@ -108,7 +108,7 @@ struct NormalEquations {
 fn normal_equations(
     pinhole: &Pinhole,
     observations: &[Observation],
-    cameras: &[Se3],
+    cameras: &[PlacedCamera],
     point: &InverseDepthPoint,
 ) -> Result<NormalEquations, Rejection> {
     let mut normal = NormalEquations {
@@ -116,14 +116,13 @@ fn normal_equations(
         gradient: Vector3::zeros(),
         chi_square: 0.0,
     };
-    for (view, (observation, world_from_camera)) in observations.iter().zip(cameras).enumerate() {
-        let prediction =
-            point
-                .predict(pinhole, world_from_camera)
-                .ok_or_else(|| Rejection::BehindCamera {
-                    view,
-                    depth_m: depth(point, world_from_camera),
-                })?;
+    for (view, (observation, camera)) in observations.iter().zip(cameras).enumerate() {
+        let prediction = point
+            .predict(pinhole, camera)
+            .ok_or_else(|| Rejection::BehindCamera {
+                view,
+                depth_m: depth(point, camera),
+            })?;
         let jacobian = prediction.by_parameters / observation.sigma_px;
         let residual = (observation.pixel_ideal - prediction.pixel_ideal) / observation.sigma_px;
         normal.information += jacobian.transpose() * jacobian;
@@ -136,18 +135,19 @@ fn normal_equations(
 /// Steps 1 and 2.
 fn start(
     pinhole: &Pinhole,
-    world_from_anchor: &Se3,
+    anchor: &PlacedCamera,
     observations: &[Observation],
-    cameras: &[Se3],
+    cameras: &[PlacedCamera],
 ) -> Result<InverseDepthPoint, Rejection> {
-    let distance = |camera: &Se3| (camera.translation - world_from_anchor.translation).norm();
+    let distance = |camera: &PlacedCamera| (camera.centre - anchor.centre).norm();
     let nearest = (0..cameras.len())
         .min_by(|i, j| distance(&cameras[*i]).total_cmp(&distance(&cameras[*j])))
         .unwrap_or(0);
-    let anchor_from_world = world_from_anchor.rotation.inverse();
-    let ray_of =
-        |view: usize| cameras[view].rotation * pinhole.bearing(&observations[view].pixel_ideal);
-    let ray = anchor_from_world * ray_of(nearest);
+    let ray_of = |view: usize| {
+        let bearing = pinhole.bearing(&observations[view].pixel_ideal);
+        cameras[view].camera_from_world.tr_mul(&bearing)
+    };
+    let ray = anchor.rotate(&ray_of(nearest));
     let in_front = ray.z > 0.0;
     if !in_front {
         return Err(Rejection::BehindCamera {
@@ -155,23 +155,19 @@ fn start(
             depth_m: ray.z,
         });
     }
-    let direction = world_from_anchor.rotation * (ray / ray.z);
+    let direction = anchor.camera_from_world.tr_mul(&(ray / ray.z));
     let (mut numerator, mut denominator) = (0.0, 0.0);
     for view in (0..cameras.len()).filter(|view| *view != nearest) {
         let seen = ray_of(view);
-        let baseline = world_from_anchor.translation - cameras[view].translation;
+        let baseline = anchor.centre - cameras[view].centre;
         let weight = observations[view].sigma_px.powi(-2);
         let across = seen.cross(&baseline);
         numerator -= weight * across.dot(&seen.cross(&direction));
         denominator += weight * across.norm_squared();
     }
     let rho = numerator / denominator;
-    let point = InverseDepthPoint {
-        world_from_anchor: *world_from_anchor,
-        alpha: ray.x / ray.z,
-        beta: ray.y / ray.z,
-        rho: 0.0,
-    };
+    let (alpha, beta) = (ray.x / ray.z, ray.y / ray.z);
+    let point = InverseDepthPoint::new(anchor, &Vector3::new(alpha, beta, 0.0));
     let near = InverseDepthPoint { rho, ..point };
     let visible = rho.is_finite()
         && cameras
@@ -181,8 +177,8 @@ fn start(
 }
 
 /// Depth in a view, metres; of the direction, without unit, where the point is at infinity.
-fn depth(point: &InverseDepthPoint, world_from_camera: &Se3) -> f64 {
-    let scaled = point.homogeneous(world_from_camera).z;
+fn depth(point: &InverseDepthPoint, camera: &PlacedCamera) -> f64 {
+    let scaled = point.direction(camera).z;
     if point.rho == 0.0 {
         scaled
     } else {
@@ -191,10 +187,10 @@ fn depth(point: &InverseDepthPoint, world_from_camera: &Se3) -> f64 {
 }
 
 /// Largest angle between two cameras as seen from the point, radians.
-fn parallax(point: &InverseDepthPoint, cameras: &[Se3]) -> f64 {
+fn parallax(point: &InverseDepthPoint, cameras: &[PlacedCamera]) -> f64 {
     let rays: Vec<Vector3<f64>> = cameras
         .iter()
-        .map(|camera| camera.rotation * point.homogeneous(camera))
+        .map(|camera| camera.camera_from_world.tr_mul(&point.direction(camera)))
         .collect();
     crate::triangulation::largest_angle(&rays)
 }

@@ -3,7 +3,7 @@
 
 use mono_geometry::epipolar::refine::Freedom;
 use mono_geometry::epipolar::relative_pose::RelativePose;
-use mono_geometry::{Homography, InverseDepthPoint, Pinhole, Se3, so3};
+use mono_geometry::{Homography, InverseDepthPoint, Pinhole, PlacedCamera, Se3, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 
@@ -55,8 +55,10 @@ proptest! {
     ) {
         let world_from_anchor = Se3::new(so3::exp(&anchor), Vector3::new(0.3, -0.2, 0.1));
         let world_from_camera = Se3::new(so3::exp(&camera), Vector3::new(x, y, z));
-        let point = InverseDepthPoint { world_from_anchor, alpha, beta, rho };
-        let Some(prediction) = point.predict(&pinhole(), &world_from_camera) else {
+        let anchor = PlacedCamera::new(&world_from_anchor);
+        let point = InverseDepthPoint { anchor, alpha, beta, rho };
+        let view = PlacedCamera::new(&world_from_camera);
+        let Some(prediction) = point.predict(&pinhole(), &view) else {
             return Ok(());
         };
 
@@ -81,7 +83,7 @@ proptest! {
             let moved = |sign: f64| {
                 let mut m = point.parameters();
                 m[j] += sign * 1e-6;
-                point.with_parameters(&m).project(&pinhole(), &world_from_camera)
+                InverseDepthPoint::new(&anchor, &m).project(&pinhole(), &view)
             };
             for i in 0..2 {
                 let error = (prediction.by_parameters[(i, j)] - dual[i].slope).abs();
@@ -110,7 +112,7 @@ proptest! {
                 let mut delta = Vector6::zeros();
                 delta[j] = sign * 1e-6;
                 let pose = world_from_camera.compose(&Se3::exp(&delta));
-                point.project(&pinhole(), &pose)
+                point.project(&pinhole(), &PlacedCamera::new(&pose))
             };
             if let (Some(plus), Some(minus)) = (moved(1.0), moved(-1.0)) {
                 let error = ((plus - minus) / 2e-6 - prediction.by_camera.column(j)).amax();
