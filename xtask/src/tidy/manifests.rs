@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 /// The layers from the bottom up; a crate may only depend on earlier ones.
-const LAYERS: [&str; 11] = [
+const LAYERS: &[&str] = &[
     "estimation-base",
     "simd-level",
     "vision-sift",
@@ -16,20 +16,22 @@ const LAYERS: [&str; 11] = [
     "mono-geometry",
     "ukf",
     "es-evolve",
+    "trajectory-eval",
     "rbpf-core",
     "slam-pipeline",
     "mono-slam",
     "xtask",
 ];
 /// The ground floor: crates that depend on none of ours and that every crate may use.
-const GROUND: [&str; 2] = ["estimation-base", "simd-level"];
+const GROUND: &[&str] = &["estimation-base", "simd-level"];
 /// Crates useful alone: of ours they use the ground floor only.
-const ALONE: [&str; 5] = [
+const ALONE: &[&str] = &[
     "vision-sift",
     "feature-kdtree",
     "mono-geometry",
     "ukf",
     "es-evolve",
+    "trajectory-eval",
 ];
 /// What `rbpf-core` may use of ours.
 const FILTER_PARTS: [&str; 2] = ["ukf", "es-evolve"];

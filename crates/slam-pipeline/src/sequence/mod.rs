@@ -31,7 +31,7 @@ pub use error::SequenceError;
 pub(crate) use images::list_images;
 pub use images::{GreyImage, read_grey};
 pub use odometry::{MAX_ANGULAR_SPEED_RADPS, MAX_SPEED_MPS, OdometryRow};
-pub use tum::{StampedPose, parse_tum, read_tum};
+pub use tum::{parse_tum, read_tum};
 
 use crate::record::PlanarPose;
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use trajectory_eval::StampedPose;
 
 use super::SequenceError;
 use super::text::{content_lines, finite, increasing, line_fault, quoted, read_text};
@@ -11,15 +12,6 @@ use super::text::{content_lines, finite, increasing, line_fault, quoted, read_te
 const COLUMNS: [&str; 8] = ["time", "x", "y", "z", "qx", "qy", "qz", "qw"];
 /// How far from one the norm of a written quaternion may be.
 const NORM_TOLERANCE: f64 = 1e-2;
-
-/// A pose with its time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StampedPose {
-    /// Seconds.
-    pub t_s: f64,
-    /// World from whatever moves (camera or body); metres.
-    pub world_from_frame: Isometry3<f64>,
-}
 
 /// Reads a TUM file.
 ///

@@ -8,7 +8,6 @@
 
 mod calibrations;
 mod common;
-mod evaluating;
 mod output_writing;
 mod reporting;
 mod sequence_reading;

@@ -4,13 +4,13 @@
 //! equally long) takes the pose of the other one that is nearest in time, the earlier of
 //! two equally near ones, and is dropped when that is more than the allowed difference away.
 
-use super::EvaluationError;
-use crate::sequence::StampedPose;
+use crate::error::EvaluationError;
+use crate::pose::StampedPose;
 
 /// Largest difference in time of two matched poses, seconds.
-pub const MAX_TIME_DIFFERENCE_S: f64 = 0.01;
+const MAX_TIME_DIFFERENCE_S: f64 = 0.01;
 
-/// Matched (estimate, reference) pairs in order of time; both inputs ordered by time.
+/// Matched (estimate, reference) pairs in order of time, at most 0.01 s apart; both inputs are ordered by time.
 ///
 /// Time O(short log long).
 ///
@@ -45,7 +45,7 @@ pub fn associate(
 }
 
 /// The error for two trajectories without a common moment.
-pub(super) fn no_matches(estimate: &[StampedPose], reference: &[StampedPose]) -> EvaluationError {
+pub(crate) fn no_matches(estimate: &[StampedPose], reference: &[StampedPose]) -> EvaluationError {
     EvaluationError::NoMatches {
         estimate: estimate.len(),
         reference: reference.len(),

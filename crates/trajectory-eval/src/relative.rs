@@ -1,8 +1,11 @@
 //! Relative pose error: drift over a fixed number of frames.
 
-use super::absolute::alignment_of;
-use super::{Alignment, EvaluationError, Statistics, associate};
-use crate::sequence::StampedPose;
+use crate::align::alignment_of;
+use crate::associate::associate;
+use crate::alignment::Alignment;
+use crate::error::EvaluationError;
+use crate::pose::StampedPose;
+use crate::statistics::Statistics;
 
 /// Relative pose error of an estimate.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,11 @@
 //! Absolute trajectory error: pose by pose after alignment.
 
-use super::{Alignment, EvaluationError, Similarity, Statistics, align_positions, associate};
-use crate::sequence::StampedPose;
+use crate::align::alignment_of;
+use crate::associate::{associate, no_matches};
+use crate::alignment::{Alignment, Similarity};
+use crate::error::EvaluationError;
+use crate::pose::StampedPose;
+use crate::statistics::Statistics;
 
 /// Error of one matched pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +69,7 @@ pub fn absolute_error(
     let (Some(translation_m), Some(rotation_rad)) =
         (figures(|e| e.translation_m), figures(|e| e.rotation_rad))
     else {
-        return Err(super::associate::no_matches(estimate, reference));
+        return Err(no_matches(estimate, reference));
     };
     Ok(AbsoluteError {
         translation_m,
@@ -73,21 +77,4 @@ pub fn absolute_error(
         matched,
         applied,
     })
-}
-
-/// The alignment of matched pairs.
-pub(super) fn alignment_of(
-    pairs: &[(StampedPose, StampedPose)],
-    alignment: Alignment,
-) -> Result<Similarity, EvaluationError> {
-    let position = |pose: &StampedPose| pose.world_from_frame.translation.vector;
-    let estimates: Vec<_> = pairs
-        .iter()
-        .map(|(estimate, _)| position(estimate))
-        .collect();
-    let references: Vec<_> = pairs
-        .iter()
-        .map(|(_, reference)| position(reference))
-        .collect();
-    align_positions(&estimates, &references, alignment)
 }

@@ -10,59 +10,34 @@
 //! Positions on one line leave the rotation about it open: that is an error for SE(3) and
 //! Sim(3) and no problem for SE(2).
 
-use std::fmt;
-
 use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3};
 
-use super::EvaluationError;
+use crate::alignment::{Alignment, Similarity};
+use crate::error::EvaluationError;
+use crate::pose::StampedPose;
 
-/// What may be removed from the estimate before errors are taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Alignment {
-    /// Nothing: both trajectories share a frame.
-    None,
-    /// Rotation about z and translation in the plane.
-    Se2,
-    /// Rotation and translation.
-    Se3,
-    /// Rotation, translation and scale.
-    Sim3,
-}
-
-impl fmt::Display for Alignment {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Alignment::None => "none",
-            Alignment::Se2 => "se2",
-            Alignment::Se3 => "se3",
-            Alignment::Sim3 => "sim3",
-        })
-    }
-}
-
-/// `x -> scale * R x + t`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Similarity {
-    /// Scale; one unless the alignment was [`Alignment::Sim3`].
-    pub scale: f64,
-    /// Rotation and translation, applied after the scale.
-    pub reference_from_estimate: Isometry3<f64>,
-}
-
-impl Similarity {
-    /// The aligned pose: its position scaled, then moved; its rotation turned.
-    pub fn apply(&self, pose: &Isometry3<f64>) -> Isometry3<f64> {
-        let mut scaled = *pose;
-        scaled.translation.vector *= self.scale;
-        self.reference_from_estimate * scaled
-    }
+/// The alignment of matched pairs.
+pub(crate) fn alignment_of(
+    pairs: &[(StampedPose, StampedPose)],
+    alignment: Alignment,
+) -> Result<Similarity, EvaluationError> {
+    let position = |pose: &StampedPose| pose.world_from_frame.translation.vector;
+    let estimates: Vec<_> = pairs
+        .iter()
+        .map(|(estimate, _)| position(estimate))
+        .collect();
+    let references: Vec<_> = pairs
+        .iter()
+        .map(|(_, reference)| position(reference))
+        .collect();
+    align_positions(&estimates, &references, alignment)
 }
 
 /// The similarity of the asked kind that brings `estimate` closest to `reference` (same lengths, metres).
 ///
 /// # Errors
 /// [`EvaluationError::Degenerate`] when the positions do not determine it.
-pub fn align_positions(
+fn align_positions(
     estimate: &[Vector3<f64>],
     reference: &[Vector3<f64>],
     alignment: Alignment,
@@ -153,4 +128,64 @@ fn horn_rotation(cross: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_quaternion(Quaternion::new(
         q[0], q[1], q[2], q[3],
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+fn config() -> ProptestConfig {
+    ProptestConfig {
+        cases: 64,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    /// A similarity applied to a cloud is found again, and no small turn of it does better.
+    #[test]
+    fn a_similarity_is_recovered(
+        cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 4..20),
+        angles in prop::array::uniform3(-3.0..3.0_f64),
+        offset in prop::array::uniform3(-100.0..100.0_f64),
+        scale in 0.1..10.0_f64,
+    ) {
+        let cloud: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
+        let rotation = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
+        let moved: Vec<_> = cloud.iter().map(|point| rotation * point * scale + Vector3::from(offset)).collect();
+        let found = align_positions(&cloud, &moved, Alignment::Sim3).unwrap();
+        prop_assert!((found.scale / scale - 1.0).abs() < 1e-10);
+        prop_assert!(found.reference_from_estimate.rotation.angle_to(&rotation) < 1e-6);
+        for (point, target) in cloud.iter().zip(&moved) {
+            let aligned = found.apply(&Isometry3::translation(point.x, point.y, point.z));
+            prop_assert!((aligned.translation.vector - target).norm() < 1e-6);
+        }
+    }
+
+    /// The rigid alignment is a minimum: neighbours of it have a larger sum of squares.
+    #[test]
+    fn the_alignment_is_a_minimum(
+        cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 5..20),
+        noise in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 20),
+        turn in prop::array::uniform3(-0.01..0.01_f64),
+        shift in prop::array::uniform3(-0.01..0.01_f64),
+        planar in prop::bool::ANY,
+    ) {
+        let from: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
+        let to: Vec<Vector3<f64>> = from.iter().zip(&noise).map(|(point, noise)| point + Vector3::from(*noise)).collect();
+        let alignment = if planar { Alignment::Se2 } else { Alignment::Se3 };
+        let best = align_positions(&from, &to, alignment).unwrap().reference_from_estimate;
+        let cost = |motion: &Isometry3<f64>| -> f64 {
+            from.iter().zip(&to).map(|(from, to)| (motion.rotation * from + motion.translation.vector - to).norm_squared()).sum()
+        };
+        let (turn, shift) = if planar { ([0.0, 0.0, turn[2]], [shift[0], shift[1], 0.0]) } else { (turn, shift) };
+        let neighbour = Isometry3::new(Vector3::from(shift), Vector3::from(turn)) * best;
+        prop_assert!(cost(&best) <= cost(&neighbour) * (1.0 + 1e-12));
+    }
+}
 }

@@ -1,0 +1,47 @@
+//! What may be removed from an estimate before it is compared, and the map that removes it.
+
+use std::fmt;
+
+use nalgebra::Isometry3;
+
+/// What may be removed from the estimate before errors are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alignment {
+    /// Nothing: both trajectories share a frame.
+    None,
+    /// Rotation about z and translation in the plane.
+    Se2,
+    /// Rotation and translation.
+    Se3,
+    /// Rotation, translation and scale.
+    Sim3,
+}
+
+impl fmt::Display for Alignment {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Alignment::None => "none",
+            Alignment::Se2 => "se2",
+            Alignment::Se3 => "se3",
+            Alignment::Sim3 => "sim3",
+        })
+    }
+}
+
+/// `x -> scale * R x + t`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Similarity {
+    /// Scale; one unless the alignment was [`Alignment::Sim3`].
+    pub scale: f64,
+    /// Rotation and translation, applied after the scale.
+    pub reference_from_estimate: Isometry3<f64>,
+}
+
+impl Similarity {
+    /// The aligned pose: its position scaled, then moved; its rotation turned.
+    pub fn apply(&self, pose: &Isometry3<f64>) -> Isometry3<f64> {
+        let mut scaled = *pose;
+        scaled.translation.vector *= self.scale;
+        self.reference_from_estimate * scaled
+    }
+}

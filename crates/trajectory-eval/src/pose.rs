@@ -1,0 +1,25 @@
+//! A pose with its time, in space or in the plane.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+
+/// A pose with its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StampedPose {
+    /// Time in seconds.
+    pub t_s: f64,
+    /// World from whatever moves, camera or body; metres.
+    pub world_from_frame: Isometry3<f64>,
+}
+
+impl StampedPose {
+    /// A pose in the plane: height zero, `x` and `y` in metres, heading `phi` about the z axis in radians.
+    pub fn planar(t_s: f64, x: f64, y: f64, phi: f64) -> StampedPose {
+        StampedPose {
+            t_s,
+            world_from_frame: Isometry3::from_parts(
+                Translation3::new(x, y, 0.0),
+                UnitQuaternion::from_euler_angles(0.0, 0.0, phi),
+            ),
+        }
+    }
+}
