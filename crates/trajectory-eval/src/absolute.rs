@@ -1,8 +1,8 @@
 //! Absolute trajectory error: pose by pose after alignment.
 
 use crate::align::alignment_of;
-use crate::associate::{associate, no_matches};
 use crate::alignment::{Alignment, Similarity};
+use crate::associate::{associate, no_matches};
 use crate::error::EvaluationError;
 use crate::pose::StampedPose;
 use crate::statistics::Statistics;

@@ -136,56 +136,56 @@ mod tests {
 
     use super::*;
 
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: 64,
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
-proptest! {
-    #![proptest_config(config())]
-
-    /// A similarity applied to a cloud is found again, and no small turn of it does better.
-    #[test]
-    fn a_similarity_is_recovered(
-        cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 4..20),
-        angles in prop::array::uniform3(-3.0..3.0_f64),
-        offset in prop::array::uniform3(-100.0..100.0_f64),
-        scale in 0.1..10.0_f64,
-    ) {
-        let cloud: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
-        let rotation = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
-        let moved: Vec<_> = cloud.iter().map(|point| rotation * point * scale + Vector3::from(offset)).collect();
-        let found = align_positions(&cloud, &moved, Alignment::Sim3).unwrap();
-        prop_assert!((found.scale / scale - 1.0).abs() < 1e-10);
-        prop_assert!(found.reference_from_estimate.rotation.angle_to(&rotation) < 1e-6);
-        for (point, target) in cloud.iter().zip(&moved) {
-            let aligned = found.apply(&Isometry3::translation(point.x, point.y, point.z));
-            prop_assert!((aligned.translation.vector - target).norm() < 1e-6);
+    fn config() -> ProptestConfig {
+        ProptestConfig {
+            cases: 64,
+            failure_persistence: None,
+            ..ProptestConfig::default()
         }
     }
 
-    /// The rigid alignment is a minimum: neighbours of it have a larger sum of squares.
-    #[test]
-    fn the_alignment_is_a_minimum(
-        cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 5..20),
-        noise in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 20),
-        turn in prop::array::uniform3(-0.01..0.01_f64),
-        shift in prop::array::uniform3(-0.01..0.01_f64),
-        planar in prop::bool::ANY,
-    ) {
-        let from: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
-        let to: Vec<Vector3<f64>> = from.iter().zip(&noise).map(|(point, noise)| point + Vector3::from(*noise)).collect();
-        let alignment = if planar { Alignment::Se2 } else { Alignment::Se3 };
-        let best = align_positions(&from, &to, alignment).unwrap().reference_from_estimate;
-        let cost = |motion: &Isometry3<f64>| -> f64 {
-            from.iter().zip(&to).map(|(from, to)| (motion.rotation * from + motion.translation.vector - to).norm_squared()).sum()
-        };
-        let (turn, shift) = if planar { ([0.0, 0.0, turn[2]], [shift[0], shift[1], 0.0]) } else { (turn, shift) };
-        let neighbour = Isometry3::new(Vector3::from(shift), Vector3::from(turn)) * best;
-        prop_assert!(cost(&best) <= cost(&neighbour) * (1.0 + 1e-12));
+    proptest! {
+        #![proptest_config(config())]
+
+        /// A similarity applied to a cloud is found again, and no small turn of it does better.
+        #[test]
+        fn a_similarity_is_recovered(
+            cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 4..20),
+            angles in prop::array::uniform3(-3.0..3.0_f64),
+            offset in prop::array::uniform3(-100.0..100.0_f64),
+            scale in 0.1..10.0_f64,
+        ) {
+            let cloud: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
+            let rotation = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
+            let moved: Vec<_> = cloud.iter().map(|point| rotation * point * scale + Vector3::from(offset)).collect();
+            let found = align_positions(&cloud, &moved, Alignment::Sim3).unwrap();
+            prop_assert!((found.scale / scale - 1.0).abs() < 1e-10);
+            prop_assert!(found.reference_from_estimate.rotation.angle_to(&rotation) < 1e-6);
+            for (point, target) in cloud.iter().zip(&moved) {
+                let aligned = found.apply(&Isometry3::translation(point.x, point.y, point.z));
+                prop_assert!((aligned.translation.vector - target).norm() < 1e-6);
+            }
+        }
+
+        /// The rigid alignment is a minimum: neighbours of it have a larger sum of squares.
+        #[test]
+        fn the_alignment_is_a_minimum(
+            cloud in prop::collection::vec(prop::array::uniform3(-5.0..5.0_f64), 5..20),
+            noise in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 20),
+            turn in prop::array::uniform3(-0.01..0.01_f64),
+            shift in prop::array::uniform3(-0.01..0.01_f64),
+            planar in prop::bool::ANY,
+        ) {
+            let from: Vec<Vector3<f64>> = cloud.into_iter().map(Vector3::from).collect();
+            let to: Vec<Vector3<f64>> = from.iter().zip(&noise).map(|(point, noise)| point + Vector3::from(*noise)).collect();
+            let alignment = if planar { Alignment::Se2 } else { Alignment::Se3 };
+            let best = align_positions(&from, &to, alignment).unwrap().reference_from_estimate;
+            let cost = |motion: &Isometry3<f64>| -> f64 {
+                from.iter().zip(&to).map(|(from, to)| (motion.rotation * from + motion.translation.vector - to).norm_squared()).sum()
+            };
+            let (turn, shift) = if planar { ([0.0, 0.0, turn[2]], [shift[0], shift[1], 0.0]) } else { (turn, shift) };
+            let neighbour = Isometry3::new(Vector3::from(shift), Vector3::from(turn)) * best;
+            prop_assert!(cost(&best) <= cost(&neighbour) * (1.0 + 1e-12));
+        }
     }
-}
 }

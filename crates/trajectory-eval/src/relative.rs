@@ -1,8 +1,8 @@
 //! Relative pose error: drift over a fixed number of frames.
 
 use crate::align::alignment_of;
-use crate::associate::associate;
 use crate::alignment::Alignment;
+use crate::associate::associate;
 use crate::error::EvaluationError;
 use crate::pose::StampedPose;
 use crate::statistics::Statistics;

@@ -18,6 +18,7 @@ const LAYERS: &[&str] = &[
     "es-evolve",
     "trajectory-eval",
     "rbpf-core",
+    "camera-calibration",
     "slam-pipeline",
     "mono-slam",
     "xtask",

@@ -9,7 +9,7 @@ use crate::common::{BOARD, camera, pictures, renderer};
 fn errors(look: &Look, seed: u64) -> (Vec<f64>, Vec<f64>) {
     let (mut pixels, mut normalised) = (Vec::new(), Vec::new());
     for picture in pictures(&BOARD, 480, look, 8, seed) {
-        let found = find_board(&picture.image, BOARD.size).unwrap();
+        let found = find_board(picture.image.view(), BOARD.size).unwrap();
         for (k, corner) in found.corners.iter().enumerate() {
             for axis in 0..2 {
                 let error = corner[axis] - picture.corners[k][axis];
@@ -92,7 +92,7 @@ fn the_fit_is_better_than_the_saddle_it_starts_from() {
     let mut errors = Vec::new();
     for index in 0..6 {
         let picture = renderer.render(&BOARD, &pose[0], &look, 77, index);
-        let found = find_board(&picture.image, BOARD.size).unwrap();
+        let found = find_board(picture.image.view(), BOARD.size).unwrap();
         for (corner, truth) in found.corners.iter().zip(&picture.corners) {
             errors.extend([corner[0] - truth[0], corner[1] - truth[1]]);
         }

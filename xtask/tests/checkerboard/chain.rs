@@ -147,9 +147,10 @@ fn the_fixture_is_calibrated_the_same_on_any_number_of_threads() {
 #[test]
 fn the_page_stands_alone_and_names_every_image() {
     let run = calibrated(&fixture());
-    let page = render_calibration_html(&run, &|path| read_grey(path).ok());
+    let files = image_files(&[fixture().join("images")]).unwrap();
+    let page = render_calibration_html(&run, &|image| read_grey(&files[image]).ok());
     for image in &run.images {
-        assert!(page.contains(&image.name()));
+        assert!(page.contains(&image.name));
     }
     assert!(page.contains("data:image/png;base64,") && page.contains("fits worst"));
     // Pictures as text may hold any letters.

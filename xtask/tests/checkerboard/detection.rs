@@ -65,7 +65,7 @@ fn every_board_is_found_whatever_the_camera_does_to_it() {
             .iter()
             .enumerate()
         {
-            let found = find_board(&picture.image, BOARD.size)
+            let found = find_board(picture.image.view(), BOARD.size)
                 .unwrap_or_else(|reason| panic!("{name} {index}: {reason}"));
             let off = worst(&found.corners, &picture.corners);
             // Nine grey levels of noise on squares of nine pixels leave a third of a pixel at worst.
@@ -82,7 +82,7 @@ fn large_and_blurred_images_are_searched_at_coarser_levels() {
             ..Look::default()
         };
         let picture = picture(&BOARD, width, &look, depth, 0.4, 0.2);
-        let found = find_board(&picture.image, BOARD.size).unwrap();
+        let found = find_board(picture.image.view(), BOARD.size).unwrap();
         assert!(found.level > 0, "{width}: level {}", found.level);
         let off = worst(&found.corners, &picture.corners);
         assert!(off < 0.06 * blur_px, "{width}: {off} px");
@@ -98,7 +98,7 @@ fn large_and_blurred_images_are_searched_at_coarser_levels() {
 fn strong_tilt_and_any_turn_are_found() {
     for turn in [0.0, 0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6] {
         let picture = picture(&BOARD, 480, &Look::default(), 0.52, 1.1, turn);
-        let found = find_board(&picture.image, BOARD.size)
+        let found = find_board(picture.image.view(), BOARD.size)
             .unwrap_or_else(|reason| panic!("turn {turn}: {reason}"));
         // 9 + 6 is odd: the colours name the first corner at any turn.
         assert!(
@@ -114,7 +114,7 @@ fn numbering_is_unique_up_to_what_colours_leave_open() {
         let board = board(columns, rows);
         for turn in [0.1, 1.7, 3.0, 4.6] {
             let picture = picture(&board, 480, &Look::default(), 0.7, 0.3, turn);
-            let found = find_board(&picture.image, board.size).unwrap();
+            let found = find_board(picture.image.view(), board.size).unwrap();
             let count = board.size.corners();
             let same = |order: &dyn Fn(usize) -> usize| {
                 let turned: Vec<[f64; 2]> = (0..count).map(|k| picture.corners[order(k)]).collect();
@@ -155,7 +155,7 @@ fn numbering_is_unique_up_to_what_colours_leave_open() {
                     "a quarter turn changes the colours of an odd square board"
                 );
             }
-            let again = find_board(&picture.image, board.size).unwrap();
+            let again = find_board(picture.image.view(), board.size).unwrap();
             assert_eq!(found, again);
         }
     }
@@ -174,7 +174,7 @@ fn cover(image: &mut GreyImage, columns: std::ops::Range<usize>, rows: std::ops:
 fn parts_of_boards_are_refused_with_the_reason() {
     let picture = picture(&BOARD, 480, &Look::default(), 0.55, 0.2, 0.1);
     let size = BOARD.size;
-    assert!(find_board(&picture.image, size).is_ok());
+    assert!(find_board(picture.image.view(), size).is_ok());
 
     // One corner covered: a disc of paper of less than a square.
     let [x, y] = picture.corners[22].map(|value| value as usize);
@@ -182,11 +182,11 @@ fn parts_of_boards_are_refused_with_the_reason() {
     cover(&mut covered, x - 9..x + 10, y - 9..y + 10);
     assert!(
         matches!(
-            find_board(&covered, size),
+            find_board(covered.view(), size),
             Err(NotFound::Incomplete { .. } | NotFound::Unmeasurable { corners: 1 })
         ),
         "{:?}",
-        find_board(&covered, size)
+        find_board(covered.view(), size)
     );
 
     // The right third outside the image.
@@ -199,7 +199,7 @@ fn parts_of_boards_are_refused_with_the_reason() {
     for row in picture.image.pixels.chunks(picture.image.width) {
         cropped.pixels.extend_from_slice(&row[..cut]);
     }
-    let reason = find_board(&cropped, size);
+    let reason = find_board(cropped.view(), size);
     assert!(
         matches!(reason, Err(NotFound::Incomplete { columns, rows, .. }) if columns < 9 && rows == 6),
         "{reason:?}"
@@ -209,7 +209,7 @@ fn parts_of_boards_are_refused_with_the_reason() {
     for (columns, rows) in [(8, 6), (9, 5), (5, 5)] {
         let smaller = BoardSize { columns, rows };
         assert_eq!(
-            find_board(&picture.image, smaller),
+            find_board(picture.image.view(), smaller),
             Err(NotFound::Larger {
                 columns: 9,
                 rows: 6
@@ -221,7 +221,7 @@ fn parts_of_boards_are_refused_with_the_reason() {
         columns: 10,
         rows: 7,
     };
-    let reason = find_board(&picture.image, larger);
+    let reason = find_board(picture.image.view(), larger);
     assert!(
         matches!(reason, Err(NotFound::Incomplete { found, .. }) if (54..70).contains(&found)),
         "{reason:?}"
@@ -242,7 +242,7 @@ fn two_boards_and_no_board_are_refused() {
         0.2,
         0.1,
     );
-    assert!(find_board(&one.image, size).is_ok());
+    assert!(find_board(one.image.view(), size).is_ok());
     let mut two = GreyImage {
         width: 2 * one.image.width,
         height: one.image.height,
@@ -252,12 +252,15 @@ fn two_boards_and_no_board_are_refused() {
         two.pixels.extend_from_slice(row);
         two.pixels.extend_from_slice(row);
     }
-    assert_eq!(find_board(&two, size), Err(NotFound::Several { boards: 2 }));
+    assert_eq!(
+        find_board(two.view(), size),
+        Err(NotFound::Several { boards: 2 })
+    );
 
     // Clutter without a board: the board is behind the camera.
     let behind = ahead(&BOARD, -1.0, 0.0, 0.0);
     for index in 0..4 {
         let nothing = renderer(480).render(&BOARD, &behind, &Look::default(), 9, index);
-        assert!(find_board(&nothing.image, size).is_err(), "{index}");
+        assert!(find_board(nothing.image.view(), size).is_err(), "{index}");
     }
 }

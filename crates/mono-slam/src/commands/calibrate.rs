@@ -11,7 +11,7 @@ use slam_pipeline::calibrate::{
 };
 use slam_pipeline::checkerboard::BoardSize;
 use slam_pipeline::output::write_file;
-use slam_pipeline::report::{plain_warning, render_calibration_html};
+use slam_pipeline::report::render_calibration_html;
 use slam_pipeline::sequence::read_grey;
 
 use super::metres;
@@ -88,13 +88,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             report.display()
         )));
     }
-    let page = render_calibration_html(&run, &|path| read_grey(path).ok());
+    let page = render_calibration_html(&run, &|image| read_grey(&files[image]).ok());
     write_file(&arguments.out, camera_toml(&run)?.as_bytes())?;
     write_file(&report, page.as_bytes())?;
-    print(&summary(&run))
+    print(&summary(&run, &files))
 }
 
-fn summary(run: &CalibrationRun) -> String {
+fn summary(run: &CalibrationRun, files: &[PathBuf]) -> String {
     let calibration = &run.calibration;
     let mut text = format!(
         "{} boards in {} images of {}x{} pixels\n",
@@ -103,9 +103,9 @@ fn summary(run: &CalibrationRun) -> String {
         run.width,
         run.height
     );
-    for image in &run.images {
+    for (image, path) in run.images.iter().zip(files) {
         if let Some(reason) = image.reason() {
-            let _ = writeln!(text, "not used: {}: {reason}", image.path.display());
+            let _ = writeln!(text, "not used: {}: {reason}", path.display());
         }
     }
     let _ = writeln!(
@@ -120,8 +120,8 @@ fn summary(run: &CalibrationRun) -> String {
             parameter.name, parameter.value, parameter.sigma
         );
     }
-    for warning in &calibration.warnings {
-        let _ = writeln!(text, "warning: {}", plain_warning(run, warning));
+    for warning in run.warnings() {
+        let _ = writeln!(text, "warning: {warning}");
     }
     text
 }

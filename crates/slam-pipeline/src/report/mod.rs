@@ -18,7 +18,7 @@ mod units;
 
 use std::fmt::Write as _;
 
-pub use calibration::{plain_warning, render_calibration_html};
+pub use calibration::render_calibration_html;
 
 use crate::output::run_figures;
 use crate::record::RunRecord;

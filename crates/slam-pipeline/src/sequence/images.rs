@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use camera_calibration::GreyView;
 use image::{ImageReader, ImageResult};
 
 use super::{CameraFile, SequenceError};
@@ -16,6 +17,17 @@ pub struct GreyImage {
     pub height: usize,
     /// `width * height` values, row by row.
     pub pixels: Vec<u8>,
+}
+
+impl GreyImage {
+    /// The image as the search for checkerboards takes it.
+    pub fn view(&self) -> GreyView<'_> {
+        GreyView {
+            width: self.width,
+            height: self.height,
+            pixels: &self.pixels,
+        }
+    }
 }
 
 /// Image files of a folder in lexical order of their names.

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
+use camera_calibration::CalibrationRun;
 use mono_geometry::Distortion;
 use nalgebra::Vector2;
 
-use crate::calibrate::CalibrationRun;
 use crate::report::card;
 use crate::report::plot::{Colour, Ellipse, Layer, Plot};
 
@@ -89,9 +89,7 @@ fn bars(run: &CalibrationRun) -> String {
         .map(|(k, ((image, _), view))| {
             let text = format!(
                 "{}\nRMS {:.3} px, mean {:.3} px",
-                image.name(),
-                view.rms_px,
-                view.mean_error_px
+                run.images[image].name, view.rms_px, view.mean_error_px
             );
             ((k + 1) as f64, text)
         })

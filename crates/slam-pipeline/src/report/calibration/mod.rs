@@ -6,25 +6,23 @@
 mod drawings;
 mod pictures;
 mod tables;
-mod words;
 
 use std::fmt::Write as _;
 
-use crate::calibrate::CalibrationRun;
+use camera_calibration::CalibrationRun;
+
 use crate::report::STYLE;
 use crate::sequence::GreyImage;
-
-pub use words::plain_warning;
 
 /// What the page of a run does not need.
 const MORE_STYLE: &str = include_str!("page.css");
 
-/// The whole page. `load` reads the image of a file again for the pictures; `None` leaves the picture out.
+/// The whole page. `load` reads an image again for the pictures, given its index in the run; `None` leaves the picture out.
 ///
 /// Size: a few hundred kilobytes. Time O(corners).
 pub fn render_calibration_html(
     run: &CalibrationRun,
-    load: &dyn Fn(&std::path::Path) -> Option<GreyImage>,
+    load: &dyn Fn(usize) -> Option<GreyImage>,
 ) -> String {
     let mut page = String::with_capacity(1 << 19);
     // Writing into a String cannot fail.

@@ -1,10 +1,9 @@
 //! The views that fit best and worst, with the corners that were found and the errors enlarged.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use crate::calibrate::{CalibrationImage, CalibrationRun};
-use crate::checkerboard::FoundBoard;
+use camera_calibration::{CalibrationRun, FoundBoard};
+
 use crate::output::png_data_uri;
 use crate::record::FrameSnapshot;
 use crate::report::pictures::reduced;
@@ -15,13 +14,13 @@ use crate::sequence::GreyImage;
 const USUAL_ARROW: f64 = 0.012;
 
 /// The section; empty when neither picture can be read again.
-pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyImage>) -> String {
+pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(usize) -> Option<GreyImage>) -> String {
     let views = &run.calibration.views;
     let by_error = |a: &usize, b: &usize| views[*a].rms_px.total_cmp(&views[*b].rms_px);
     let worst = (0..views.len()).max_by(by_error);
     let best = (0..views.len()).min_by(by_error);
     let enlarged = enlargement(USUAL_ARROW * run.width as f64 / run.calibration.rms_px);
-    let used: Vec<(&CalibrationImage, &FoundBoard)> = run.used().collect();
+    let used: Vec<(usize, &FoundBoard)> = run.used().collect();
     let mut figures = String::new();
     for (title, view) in [("fits best", best), ("fits worst", worst)] {
         if let Some(figure) = view.and_then(|view| {
@@ -30,8 +29,8 @@ pub(super) fn section(run: &CalibrationRun, load: &dyn Fn(&Path) -> Option<GreyI
                 run,
                 title,
                 view,
-                (image, board),
-                &load(&image.path)?,
+                (&run.images[image].name, board),
+                &load(image)?,
                 enlarged,
             )
         }) {
@@ -61,7 +60,7 @@ fn figure(
     run: &CalibrationRun,
     title: &str,
     view: usize,
-    (image, board): (&CalibrationImage, &FoundBoard),
+    (name, board): (&str, &FoundBoard),
     grey: &GreyImage,
     enlarged: f64,
 ) -> Option<String> {
@@ -114,6 +113,6 @@ fn figure(
          <path class=\"kp first\" d=\"{first}\"/></svg>\
          <figcaption><b>{name}</b> {title}: RMS {:.3} px</figcaption></figure>\n",
         report.rms_px,
-        name = escape(&image.name()),
+        name = escape(name),
     ))
 }

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
+use camera_calibration::{CalibrationRun, Outcome, significant};
+
 use super::drawings::coverage_share;
-use super::words::{figure, plain_warning, with_sigma};
-use crate::calibrate::{CalibrationRun, Outcome};
 use crate::report::plot::escape;
 use crate::report::units::length;
 
@@ -95,13 +95,11 @@ pub(super) fn cards(run: &CalibrationRun) -> String {
 
 /// What to doubt, or that there is nothing.
 pub(super) fn doubts(run: &CalibrationRun) -> String {
-    let warnings = &run.calibration.warnings;
-    if warnings.is_empty() {
+    if run.calibration.warnings.is_empty() {
         return String::new();
     }
     let mut html = String::from("<ul class=\"card doubts\">\n");
-    for warning in warnings {
-        let text = plain_warning(run, warning);
+    for text in run.warnings() {
         let mut letters = text.chars();
         let first: String = letters
             .next()
@@ -218,7 +216,7 @@ pub(super) fn images(run: &CalibrationRun) -> String {
          <th>distance</th><th>tilt</th><th>blur px</th></tr></thead>\n<tbody>\n",
     );
     for image in &run.images {
-        let name = escape(&image.name());
+        let name = escape(&image.name);
         match (&image.outcome, &image.board) {
             (Outcome::Used(view), Some(board)) => {
                 let report = &run.calibration.views[*view];
@@ -235,7 +233,10 @@ pub(super) fn images(run: &CalibrationRun) -> String {
                     report.rms_px,
                     length(pose.translation.norm()),
                     tilt.to_degrees(),
-                    figure(board.blur_px).chars().take(4).collect::<String>()
+                    significant(board.blur_px)
+                        .chars()
+                        .take(4)
+                        .collect::<String>()
                 );
             }
             _ => {
@@ -250,4 +251,33 @@ pub(super) fn images(run: &CalibrationRun) -> String {
     }
     html.push_str("</tbody></table></div></div>\n</section>\n");
     html
+}
+
+/// A value to the second digit of its standard deviation, and that deviation.
+fn with_sigma(value: f64, sigma: f64) -> (String, String) {
+    if !(sigma.is_finite() && sigma > 0.0) {
+        return (significant(value), "not fixed".into());
+    }
+    let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
+    (
+        format!("{value:.decimals$}").replace('-', "\u{2212}"),
+        format!("{sigma:.decimals$}"),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_have_the_digits_that_are_known() {
+        let (value, sigma) = with_sigma(420.506_712, 0.1234);
+        assert_eq!((value.as_str(), sigma.as_str()), ("420.51", "0.12"));
+        let (value, sigma) = with_sigma(-0.296_681, 0.000_456);
+        assert_eq!(
+            (value.as_str(), sigma.as_str()),
+            ("\u{2212}0.29668", "0.00046")
+        );
+        assert_eq!(with_sigma(1.0, f64::INFINITY).1, "not fixed");
+    }
 }

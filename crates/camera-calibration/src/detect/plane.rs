@@ -3,7 +3,7 @@
 //! Pixel (0, 0) is the centre of the top-left pixel. A pixel x of a halved plane covers pixels 2x and 2x + 1 of the one
 //! before, so a place x at level l is 2^l x + (2^l - 1) / 2 at level 0 ([`to_finest`]).
 
-use crate::sequence::GreyImage;
+use crate::image::GreyView;
 
 /// Taps on each side of the smoothing kernel: three standard deviations.
 const BLUR_REACH: usize = 3;
@@ -18,7 +18,7 @@ pub(super) struct Plane {
 
 impl Plane {
     /// Grey levels 0 to 255; `None` when the pixels do not fill the size.
-    pub(super) fn of(image: &GreyImage) -> Option<Plane> {
+    pub(super) fn of(image: GreyView<'_>) -> Option<Plane> {
         (image.width.checked_mul(image.height)? == image.pixels.len()).then(|| Plane {
             width: image.width,
             height: image.height,
@@ -124,14 +124,15 @@ mod tests {
 
     #[test]
     fn a_ramp_survives_halving_and_blur_in_its_own_coordinates() {
-        let image = GreyImage {
+        let pixels: Vec<u8> = (0..41 * 30)
+            .map(|k| (2 * (k % 41) + 3 * (k / 41)) as u8)
+            .collect();
+        let plane = Plane::of(GreyView {
             width: 41,
             height: 30,
-            pixels: (0..41 * 30)
-                .map(|k| (2 * (k % 41) + 3 * (k / 41)) as u8)
-                .collect(),
-        };
-        let plane = Plane::of(&image).unwrap();
+            pixels: &pixels,
+        })
+        .unwrap();
         let half = plane.halved();
         assert_eq!((half.width, half.height), (20, 15));
         let [x, y] = to_finest([7.0, 5.0], 1);

@@ -16,7 +16,7 @@
 
 use super::grid::{Cell, Grid};
 use super::star::Star;
-use super::{BoardSize, NotFound};
+use crate::board::{BoardSize, NotFound};
 
 /// Share of a further row or column that makes the board larger; clutter beside the board rarely fills so much.
 const FURTHER_SHARE: f64 = 0.67;

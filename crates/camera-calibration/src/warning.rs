@@ -1,19 +1,35 @@
-//! Doubts of a calibration in words a photographer can act on.
+//! The warnings of a calibration in words that a photographer can act on.
 
 use mono_geometry::calibration::CalibrationWarning;
 
-use crate::calibrate::CalibrationRun;
-use crate::report::units::three_digits;
+use crate::images::CalibrationRun;
 
-/// One sentence: what was measured, what it means, what to do.
-pub fn plain_warning(run: &CalibrationRun, warning: &CalibrationWarning) -> String {
-    let boards: Vec<String> = run
-        .images
-        .iter()
-        .filter(|image| image.board.is_some())
-        .map(|image| image.name())
-        .collect();
-    let name = |view: usize| boards.get(view).map_or("?", String::as_str);
+impl CalibrationRun {
+    /// Each warning of the calibration in one sentence: what was measured, what it means, what to do.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        let boards: Vec<&str> = self
+            .images
+            .iter()
+            .filter(|image| image.board.is_some())
+            .map(|image| image.name.as_str())
+            .collect();
+        let warnings = self.calibration.warnings.iter();
+        warnings.map(move |warning| sentence(warning, &boards))
+    }
+}
+
+/// A number with four significant digits and a true minus sign.
+pub fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return if value == 0.0 { "0" } else { "unknown" }.into();
+    }
+    let decimals = (3.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}").replace('-', "\u{2212}")
+}
+
+/// The warning in words; `boards` are the names of the images behind the views that were given.
+fn sentence(warning: &CalibrationWarning, boards: &[&str]) -> String {
+    let name = |view: usize| boards.get(view).copied().unwrap_or("?");
     match warning {
         CalibrationWarning::ViewSkipped { view, reason } => {
             format!("{} was left out: {reason}", name(*view))
@@ -25,8 +41,8 @@ pub fn plain_warning(run: &CalibrationRun, warning: &CalibrationWarning) -> Stri
             name, value, sigma, ..
         } if sigma.is_finite() => format!(
             "{name} = {} is known to {} only: more images, tilted more and out to the corners of the picture, would help",
-            figure(*value),
-            figure(*sigma)
+            significant(*value),
+            significant(*sigma)
         ),
         CalibrationWarning::WeakParameter { name, .. } => {
             format!("the images do not fix {name}: tilt the board, at different distances")
@@ -39,11 +55,7 @@ pub fn plain_warning(run: &CalibrationRun, warning: &CalibrationWarning) -> Stri
             format!(
                 "the images hardly fix {} together ({} times the uncertainty allowed): tilt the board more, or choose a simpler lens model",
                 names.join(", "),
-                if sigmas_over_limit.is_finite() {
-                    three_digits(*sigmas_over_limit)
-                } else {
-                    "infinitely many".into()
-                }
+                times(*sigmas_over_limit)
             )
         }
         CalibrationWarning::Correlated {
@@ -79,42 +91,42 @@ pub fn plain_warning(run: &CalibrationRun, warning: &CalibrationWarning) -> Stri
     }
 }
 
-/// A number with four significant digits.
-pub(super) fn figure(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 { "0" } else { "unknown" }.into();
+/// The ratio of a combination that is known too badly, with three significant digits.
+fn times(ratio: f64) -> String {
+    if !ratio.is_finite() {
+        return "infinitely many".into();
     }
-    let decimals = (3.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}").replace('-', "\u{2212}")
-}
-
-/// A value to the second digit of its standard deviation, and that deviation.
-pub(super) fn with_sigma(value: f64, sigma: f64) -> (String, String) {
-    if !(sigma.is_finite() && sigma > 0.0) {
-        return (figure(value), "not fixed".into());
-    }
-    let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize;
-    (
-        format!("{value:.decimals$}").replace('-', "\u{2212}"),
-        format!("{sigma:.decimals$}"),
-    )
+    let decimals = match ratio {
+        _ if ratio >= 99.95 => 0,
+        _ if ratio >= 9.995 => 1,
+        _ => 2,
+    };
+    format!("{ratio:.decimals$}")
 }
 
 #[cfg(test)]
 mod tests {
+    use mono_geometry::calibration::SkipReason;
+
     use super::*;
 
     #[test]
-    fn values_have_the_digits_that_are_known() {
-        let (value, sigma) = with_sigma(420.506_712, 0.1234);
-        assert_eq!((value.as_str(), sigma.as_str()), ("420.51", "0.12"));
-        let (value, sigma) = with_sigma(-0.296_681, 0.000_456);
-        assert_eq!(
-            (value.as_str(), sigma.as_str()),
-            ("\u{2212}0.29668", "0.00046")
-        );
-        assert_eq!(with_sigma(1.0, f64::INFINITY).1, "not fixed");
-        assert_eq!(figure(0.012_345), "0.01235");
-        assert_eq!(figure(420.5), "420.5");
+    fn values_have_four_significant_digits() {
+        assert_eq!(significant(0.012_345), "0.01235");
+        assert_eq!(significant(420.5), "420.5");
+        assert_eq!(significant(-3.0), "\u{2212}3.000");
+        assert_eq!(times(123.4), "123");
+        assert_eq!(times(1.234), "1.23");
+        assert_eq!(times(f64::INFINITY), "infinitely many");
+    }
+
+    #[test]
+    fn a_warning_names_the_image_behind_its_view() {
+        let warning = CalibrationWarning::ViewSkipped {
+            view: 1,
+            reason: SkipReason::NotVisible { corners: 3 },
+        };
+        let sentence = sentence(&warning, &["a.png", "b.png"]);
+        assert!(sentence.starts_with("b.png was left out: "), "{sentence}");
     }
 }

@@ -7,7 +7,7 @@
 //!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),
 //!   d_k = (-sin a_k, cos a_k) . (p - c) - b_k / 2 ((cos a_k, sin a_k) . (p - c))^2
 //!
-//! The bends b_k of the edges are given ([`super::measure`]). The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
+//! The bends b_k of the edges are given (by the module `measure`). The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
 //! the squares ([`Window`]). All pixels along
 //! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
 //! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
@@ -341,165 +341,13 @@ fn model(state: &SVector<f64, N>, edges: &[Edge; 2], pixel: &[f64; 3]) -> (f64, 
     (value, row)
 }
 
-/// erf and its derivative; Abramowitz and Stegun 7.1.26, error below 1.5e-7.
+/// The error function and its derivative.
 fn erf(t: f64) -> (f64, f64) {
-    let size = t.abs();
-    let gauss = (-size * size).exp();
-    let u = 1.0 / (1.0 + 0.327_591_1 * size);
-    let polynomial = u
-        * (0.254_829_592
-            + u * (-0.284_496_736
-                + u * (1.421_413_741 + u * (-1.453_152_027 + u * 1.061_405_429))));
-    let value = (1.0 - polynomial * gauss).copysign(t);
-    (value, std::f64::consts::FRAC_2_SQRT_PI * gauss)
+    (
+        libm::erf(t),
+        std::f64::consts::FRAC_2_SQRT_PI * (-t * t).exp(),
+    )
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn state() -> SVector<f64, N> {
-        SVector::from([
-            12.3,
-            11.6,
-            0.3,
-            1.7,
-            0.9_f64.ln(),
-            1.3_f64.ln(),
-            55.0,
-            120.0,
-            0.4,
-            -0.3,
-        ])
-    }
-
-    fn plane(state: &SVector<f64, N>) -> Plane {
-        Plane {
-            width: 25,
-            height: 24,
-            values: (0..25 * 24)
-                .map(|k| {
-                    model(
-                        state,
-                        &Edge::both(state, BENDS),
-                        &[f64::from(k % 25), f64::from(k / 25), 0.0],
-                    )
-                    .0 as f32
-                })
-                .collect(),
-        }
-    }
-
-    const BENDS: [f64; 2] = [0.004, -0.002];
-
-    fn near(position: [f64; 2], directions: [f64; 2], width: f64) -> Shape {
-        Shape {
-            position,
-            directions,
-            bends: BENDS,
-            width,
-        }
-    }
-
-    fn wide() -> Window {
-        Window::new([38.0, 6.0], [-5.0, 40.0]).unwrap()
-    }
-
-    #[test]
-    fn the_window_follows_the_squares() {
-        let slanted = Window::new([20.0, 0.0], [4.0, 8.0]).unwrap();
-        // 0.39 of either side is inside, 0.41 is not; the disc of 6 px cuts the long one.
-        assert!(slanted.holds(0.39 * 4.0, 0.39 * 8.0) && !slanted.holds(0.41 * 4.0, 0.41 * 8.0));
-        assert!(slanted.holds(5.9, 0.0) && !slanted.holds(6.1, 0.0));
-        assert!(slanted.narrowest() > 2.5 && slanted.narrowest() < 3.3);
-        assert!(Window::new([3.0, 1.0], [6.0, 2.0]).is_none());
-    }
-
-    #[test]
-    fn derivatives_agree_with_differences() {
-        let truth = state();
-        for pixel in [[10.0, 12.0, 0.0], [15.0, 9.0, 0.0], [12.0, 11.0, 0.0]] {
-            let (_, row) = model(&truth, &Edge::both(&truth, BENDS), &pixel);
-            for k in 0..N {
-                let step = 1e-5;
-                let mut moved = [truth, truth];
-                moved[0][k] -= step;
-                moved[1][k] += step;
-                let difference = (model(&moved[1], &Edge::both(&moved[1], BENDS), &pixel).0
-                    - model(&moved[0], &Edge::both(&moved[0], BENDS), &pixel).0)
-                    / (2.0 * step);
-                // The rational erf is smooth only to 1.5e-7, here times 55 over 2e-5.
-                assert!(
-                    (row[k] - difference).abs() < 2e-3 * row[k].abs().max(10.0),
-                    "{k}: {} {difference}",
-                    row[k]
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn an_image_of_the_model_gives_its_parameters_back() {
-        let truth = state();
-        let found = fit(
-            &plane(&truth),
-            &near([13.1, 11.0], [0.2, 1.85], 1.0),
-            &wide(),
-            Freedom::Full,
-        )
-        .unwrap();
-        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
-        assert!((found.position[1] - 11.6).abs() < 1e-4);
-        assert!((found.directions[1] - 1.7).abs() < 1e-3);
-        assert!((found.widths[0] - 0.9).abs() < 1e-3 && (found.widths[1] - 1.3).abs() < 1e-3);
-        assert!(found.sigma_px < 1e-4);
-    }
-
-    #[test]
-    fn a_stiff_fit_finds_the_place_in_a_small_window() {
-        let mut truth = state();
-        (truth[4], truth[5], truth[8], truth[9]) = (1.1_f64.ln(), 1.1_f64.ln(), 0.0, 0.0);
-        let small = Window::new([16.0, 5.0], [-2.0, 7.5]).unwrap();
-        let place = near([12.7, 11.3], [0.2, 1.85], 1.1);
-        let found = fit(&plane(&truth), &place, &small, Freedom::Stiff).unwrap();
-        assert!((found.position[0] - 12.3).abs() < 1e-4, "{found:?}");
-        assert!((found.position[1] - 11.6).abs() < 1e-4);
-        assert!((found.widths[0] - 1.1).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_flat_window_has_no_contrast_and_a_cropped_one_no_corner() {
-        let mut flat = plane(&state());
-        flat.values.fill(80.0);
-        assert!(
-            fit(
-                &flat,
-                &near([12.0, 12.0], [0.2, 1.8], 1.0),
-                &wide(),
-                Freedom::Full
-            )
-            .is_none_or(|found| found.contrast < 1e-6)
-        );
-        assert!(
-            fit(
-                &plane(&state()),
-                &near([0.5, 0.5], [0.2, 1.8], 1.0),
-                &wide(),
-                Freedom::Full
-            )
-            .is_none()
-        );
-    }
-
-    #[test]
-    fn val_abramowitz_stegun_erf() {
-        for (t, expected) in [
-            (0.0, 0.0),
-            (0.5, 0.520_499_9),
-            (1.0, 0.842_700_8),
-            (-2.0, -0.995_322_3),
-        ] {
-            assert!((erf(t).0 - expected).abs() < 2e-7, "{t}");
-        }
-    }
-}
+mod tests;

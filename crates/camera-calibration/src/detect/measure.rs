@@ -1,6 +1,6 @@
 //! All corners of a board measured: levels, windows, and the bending of its edges by the lens.
 //!
-//! Problem: [`super::refine`] fits one corner with straight edges; which pixels, which level, and what of edges that the
+//! Problem: `refine` fits one corner with straight edges; which pixels, which level, and what of edges that the
 //! lens bends?
 //!
 //! Steps: fit at the level where the board was found, then at finer ones while the edges look sharper than [`SHARP_PX`];
@@ -16,7 +16,7 @@
 use super::plane::{Plane, from_finest, to_finest};
 use super::refine::{Fit, Freedom, Shape, Window, fit};
 use super::star::{Star, turn};
-use super::{BoardSize, FoundBoard, NotFound};
+use crate::board::{BoardSize, FoundBoard, NotFound};
 
 /// Edge blur above which a finer level shows nothing more, pixels.
 const SHARP_PX: f64 = 1.2;

@@ -4,15 +4,20 @@
 
 use std::path::PathBuf;
 
-use slam_pipeline::checkerboard::{BoardSize, find_board};
-use slam_pipeline::sequence::read_grey;
+use camera_calibration::{BoardSize, GreyView, find_board};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args_os().skip(1);
     let size = arguments.next().ok_or("usage: find_board 9x6 IMAGE...")?;
     let size: BoardSize = size.to_string_lossy().parse()?;
     for path in arguments.map(PathBuf::from) {
-        match find_board(&read_grey(&path)?, size) {
+        let grey = image::open(&path)?.into_luma8();
+        let view = GreyView {
+            width: grey.width() as usize,
+            height: grey.height() as usize,
+            pixels: grey.as_raw(),
+        };
+        match find_board(view, size) {
             Ok(board) => {
                 println!(
                     "{}: level {}, blur {:.2} px, corners good to {:.3} px",
