@@ -1,8 +1,8 @@
 """Figures of the filters on whole problems.
 
-    cargo run --release -p rbpf-core --example kim2008 -- --out out/kim2008
-    cargo run --release -p rbpf-core --example mrclam -- --out out/mrclam
-    cargo run --release -p rbpf-core --example victoria_park -- --out out/victoria
+    cargo run --release -p range-bearing-slam --example kim2008 -- --out out/kim2008
+    cargo run --release -p range-bearing-slam --example mrclam -- --out out/mrclam
+    cargo run --release -p range-bearing-slam --example victoria_park -- --out out/victoria
     python docs/results/plot_filters.py out docs/images
 
 Needs numpy and matplotlib.

@@ -1,17 +1,17 @@
-//! How impoverished the particle set is: unique ancestors, and the age of the common ancestor.
+//! Impoverishment of a particle set: unique ancestors, and the age of the common ancestor.
 //!
-//! Resampling merges paths backwards in time: g frames ago the present particles descend
-//! from fewer and fewer ancestors, until from one. The map entries older than that are
-//! the same in all particles, and no later weight can choose between them. [`Genealogy`] is fed the
-//! ancestor vectors and reports that age.
+//! Resampling merges paths backwards in time: the further one looks back, the fewer ancestors the
+//! present particles have, until there is one. Map entries older than that are the same in all
+//! particles, and no later weight can choose between them. [`Genealogy`] takes the ancestors of each
+//! resampling and reports the age of the common one.
 //!
-//! Only resampling frames are stored, and everything before the common ancestor is dropped,
-//! so memory is N times the number of resamplings since coalescence.
+//! Only resampling frames are stored, and everything before the common ancestor is dropped, so the
+//! memory is N times the number of resamplings since coalescence.
 
 use crate::error::RbpfError;
 use std::collections::VecDeque;
 
-/// Number of distinct entries of a sorted or unsorted ancestor vector.
+/// Number of distinct entries of a vector of ancestors, sorted or not. O(n log n).
 #[must_use]
 pub fn unique_ancestors(ancestors: &[usize]) -> usize {
     let mut sorted = ancestors.to_vec();
@@ -29,24 +29,24 @@ pub struct Genealogy {
 
 /// One resampling: particle i of the set after it is a copy of particle `ancestors[i]` before.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ResamplingEvent {
+struct ResamplingEvent {
     /// The frame at which it happened.
-    pub frame: u64,
+    frame: u64,
     /// Ancestor of each slot.
-    pub ancestors: Vec<usize>,
+    ancestors: Vec<usize>,
 }
 
-/// Where the paths of the present particles meet.
+/// The particle in which the paths of the present particles meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CommonAncestor {
+struct CommonAncestor {
     /// The latest frame whose proposed pose all paths share (moves after resampling may differ).
-    pub frame: u64,
+    frame: u64,
     /// The slot that particle had in that frame, before its resampling.
-    pub slot: usize,
+    slot: usize,
 }
 
 impl Genealogy {
-    /// A set of `particles` that was never resampled.
+    /// The genealogy of a set of `particles` that was never resampled.
     #[must_use]
     pub const fn new(particles: usize) -> Self {
         Self {
@@ -55,11 +55,11 @@ impl Genealogy {
         }
     }
 
-    /// Notes one resampling; frames increase from call to call. The set has as many particles afterwards as there
-    /// are ancestors.
+    /// Notes one resampling, after which the set has as many particles as there are ancestors. Frames
+    /// increase from call to call.
     ///
     /// # Errors
-    /// No ancestor, or one outside the set.
+    /// [`RbpfError::NoParticles`] or [`RbpfError::UnknownAncestor`].
     pub fn record(&mut self, frame: u64, ancestors: &[usize]) -> Result<(), RbpfError> {
         check_ancestors(ancestors, self.particles)?;
         self.particles = ancestors.len();
@@ -73,10 +73,9 @@ impl Genealogy {
         Ok(())
     }
 
-    /// Where all present particles meet; `None` while at least two lines reach back to the start.
+    /// The particle in which all lines meet; `None` while at least two reach back to the start.
     /// O(N) per resampling gone back.
-    #[must_use]
-    pub fn common_ancestor(&self) -> Option<CommonAncestor> {
+    fn common_ancestor(&self) -> Option<CommonAncestor> {
         let (event, slot) = self.coalescence()?;
         Some(CommonAncestor {
             frame: self.events[event].frame,
@@ -84,21 +83,17 @@ impl Genealogy {
         })
     }
 
-    /// Frames from the common ancestor to `frame`; `None` while there is none.
+    /// Number of frames from the common ancestor to `frame`; `None` while at least two lines reach back
+    /// to the start. O(N) per resampling gone back.
     #[must_use]
     pub fn common_ancestor_age(&self, frame: u64) -> Option<u64> {
         Some(frame.saturating_sub(self.common_ancestor()?.frame))
     }
 
-    /// Number of particles.
+    /// Number of particles after the last resampling.
     #[must_use]
     pub const fn particles(&self) -> usize {
         self.particles
-    }
-
-    /// The events kept, oldest first, for a checkpoint.
-    pub fn events(&self) -> impl ExactSizeIterator<Item = &ResamplingEvent> + '_ {
-        self.events.iter()
     }
 
     /// Index of the latest event before which one particle is the ancestor of all, and its slot.
@@ -140,7 +135,7 @@ pub(crate) fn check_ancestors(ancestors: &[usize], particles: usize) -> Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::resampling::resample;
+    use crate::resampling::Resampler;
     use crate::streams::{Purpose, Streams};
     use rand::RngExt;
 
@@ -168,7 +163,7 @@ mod tests {
             genealogy.common_ancestor(),
             Some(CommonAncestor { frame: 6, slot: 3 })
         );
-        assert_eq!(genealogy.events().len(), 1);
+        assert_eq!(genealogy.events.len(), 1);
     }
 
     #[test]
@@ -183,7 +178,7 @@ mod tests {
                 particles: 3
             })
         );
-        assert_eq!(genealogy.events().len(), 0);
+        assert_eq!(genealogy.events.len(), 0);
     }
 
     /// Against whole paths carried as vectors of (frame, slot), and with bounded memory, for a set of
@@ -204,7 +199,9 @@ mod tests {
             }
             let mut rng = streams.shared(frame, Purpose::Resampling);
             let weights: Vec<f64> = paths.iter().map(|_| 2.0 * rng.random::<f64>()).collect();
-            let ancestors = resample(&weights, size(frame), &mut rng).expect("weights are finite");
+            let ancestors = Resampler::Systematic
+                .resample(&weights, size(frame), &mut rng)
+                .expect("weights are finite");
             genealogy
                 .record(frame, &ancestors)
                 .expect("ancestors are in the set");
@@ -219,6 +216,6 @@ mod tests {
                 });
             assert_eq!(genealogy.common_ancestor(), common, "frame {frame}");
         }
-        assert!(genealogy.events().len() < 150);
+        assert!(genealogy.events.len() < 150);
     }
 }

@@ -1,6 +1,6 @@
 //! The errors of the crate.
 
-/// What can go wrong in the building blocks.
+/// An input that the particle set, the resampling or the filter refuses.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RbpfError {
@@ -25,7 +25,7 @@ pub enum RbpfError {
     /// Two vectors that must run over the same particles do not.
     #[error("{what}: {given} entries given, {required} required")]
     LengthMismatch {
-        /// Which vector.
+        /// The name of the vector.
         what: &'static str,
         /// Entries given.
         given: usize,
@@ -35,7 +35,7 @@ pub enum RbpfError {
     /// An ancestor index beyond the set.
     #[error("ancestor {ancestor} of slot {slot} is outside the set of {particles} particles")]
     UnknownAncestor {
-        /// The slot it was given for.
+        /// The slot whose ancestor it should be.
         slot: usize,
         /// The index given.
         ancestor: usize,
@@ -56,59 +56,15 @@ pub enum RbpfError {
         /// The value given.
         value: f64,
     },
-    /// A covariance that must be positive definite is not.
-    #[error(
-        "{what}: pivot {pivot} of the Cholesky factorisation is {value}, a positive number required"
-    )]
-    NotPositiveDefinite {
-        /// Which covariance.
-        what: &'static str,
-        /// Row of the failing pivot, from 0.
-        pivot: usize,
-        /// Value found there.
-        value: f64,
-    },
-    /// A covariance that is not symmetric.
-    #[error(
-        "{what}: entries ({row}, {column}) and ({column}, {row}) differ by {difference}, 0 required"
-    )]
-    NotSymmetric {
-        /// Which covariance.
-        what: &'static str,
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// One entry less the other.
-        difference: f64,
-    },
-    /// Two measurements of one landmark in one frame.
-    #[error("landmark {id} is measured {times} times in one frame, once at most allowed")]
-    DuplicateId {
-        /// The landmark.
-        id: u32,
-        /// Measurements of it.
-        times: usize,
-    },
-    /// A measurement with NaN or infinity.
-    #[error("entry {entry} of measurement {id} is {value}, a finite number required")]
-    MeasurementNotFinite {
-        /// Id of the landmark, or place in a scan without ids.
-        id: u32,
-        /// Which entry, from 0.
-        entry: usize,
-        /// Its value.
-        value: f64,
-    },
-    /// A pose, landmark or matrix with NaN or infinite entries.
+    /// A quantity with NaN or infinite entries.
     #[error("{what} has entries that are not finite")]
     NotFinite {
-        /// Which quantity.
+        /// The name of the quantity.
         what: &'static str,
     },
 }
 
-/// Why a step of the filter failed; the particle set is then what it was before the step.
+/// The stage of a step that failed, and its error. The particle set is then what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError<PE, RE, ME>
 where
@@ -116,29 +72,29 @@ where
     RE: std::error::Error + 'static,
     ME: std::error::Error + 'static,
 {
-    /// The weights, the threshold or the set itself.
+    /// The weights cannot be normalised, or the number of particles cannot be chosen.
     #[error(transparent)]
     Filter(#[from] RbpfError),
-    /// The proposal failed; the lowest failing particle is named.
+    /// The proposal failed; of several failing particles the first is named.
     #[error("proposal of particle {particle}")]
     Proposal {
-        /// Its slot.
+        /// Slot of the particle.
         particle: usize,
-        /// What the proposal reported.
+        /// The error of the proposal.
         source: PE,
     },
     /// The rejuvenation failed.
     #[error("rejuvenation")]
     Rejuvenation {
-        /// What the rejuvenation reported.
+        /// The error of the rejuvenation.
         source: RE,
     },
-    /// The map update failed; the lowest failing particle is named.
+    /// The map update failed; of several failing particles the first is named.
     #[error("map update of particle {particle}")]
     MapUpdate {
-        /// Its slot.
+        /// Slot of the particle.
         particle: usize,
-        /// What the map update reported.
+        /// The error of the map update.
         source: ME,
     },
 }

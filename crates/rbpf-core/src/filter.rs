@@ -4,148 +4,51 @@
 //! propose -> weight -> adaptive resampling -> rejuvenation -> map update
 //! ```
 //!
-//! The map is conditioned on the pose, so it is updated last, with the pose the particle finally
+//! The map is conditioned on the pose, so it is updated last, with the pose that the particle finally
 //! has; the paper's printed order updates it before the evolution steps move the pose away. Weights
-//! are carried from frame to frame, log w_t = log w_{t-1} + increment, and reset to 1/N
-//! only by resampling (Eq. 31 of the paper drops w_{t-1}, which forgets the past whenever a frame
-//! does not resample). A frame resamples when N_eff < threshold * N.
+//! are carried from frame to frame, log w_t = log w_{t-1} + increment, and only a resampling resets
+//! them to 1/N. (Eq. 31 of the paper drops w_{t-1}, which forgets the past whenever a frame does not
+//! resample.) A frame resamples when N_eff < threshold * N.
 //!
-//! What a particle is, how it is proposed and what it maps are three narrow traits. Particles
-//! run in parallel (feature `parallel`); each draws from its own stream, and all reductions run in
-//! particle order, so the result is the same for any number of threads.
+//! Particles run in parallel (feature `parallel`). Each draws from its own stream, and all reductions
+//! run in particle order, so the result is the same for any number of threads.
 //!
-//! A step works on a copy of the set and replaces the original at its end: after an error the set
-//! is exactly what it was. This asks for particles that are cheap to clone: keep maps in
-//! [`crate::CowMap`] and paths in [`crate::PersistentPath`]. While the original lives, every leaf a map update
-//! touches is copied once. For N = 100 particles of 10000 landmarks each and 10 updates in 10 leaves
-//! the copy itself takes 1.5 us and the leaves 0.32 ms, of a step of 0.96 ms (bench `update_set`, two busy cores).
+//! A step works on a copy of the set and replaces the original at its end: after an error the set is
+//! exactly what it was. This asks for particles that are cheap to clone, with their maps in
+//! [`crate::CowMap`] and their paths in [`crate::PersistentPath`]. While the original lives, every
+//! leaf that a map update touches is copied once. For N = 100 particles of 10000 landmarks each and
+//! 10 updates in 10 leaves the copy itself takes 1.5 us and the leaves take 0.32 ms, of a step of
+//! 0.96 ms (bench `filter_step` of crate `range-bearing-slam`, on two busy cores).
 
 use crate::diagnostics::{Genealogy, unique_ancestors};
 use crate::error::{RbpfError, StepError};
 use crate::kld::KldSampling;
+use crate::parallel::{first_error, map_particles};
 use crate::particle_set::{ParticleSet, check_length};
 use crate::resampling::Resampler;
+use crate::step::{MapUpdate, Proposal, Rejuvenation, RejuvenationReport};
 use crate::streams::{Purpose, Streams};
 use rand_chacha::ChaCha8Rng;
-use std::convert::Infallible;
 
-/// Draws the new pose of one particle and says what the draw is worth.
-pub trait Proposal<P, O>: Sync {
-    /// Why a particle could not be proposed; ends the step.
-    type Error: std::error::Error + Send + 'static;
-
-    /// Moves `particle` and returns the log weight increment, exactly
-    /// log p(z | s, map) + log p(s | s_prev, u) - log q(s) for a draw from q.
-    ///
-    /// Minus infinity is legal (this draw is impossible); NaN and +inf end the step.
-    ///
-    /// # Errors
-    /// What the proposal cannot handle.
-    fn propose(
-        &self,
-        particle: &mut P,
-        observation: &O,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<f64, Self::Error>;
-}
-
-/// Moves particles without changing what they represent: steps that leave
-/// p(z | s, map) p(s | s_prev, u) invariant, so that weights stay as they are.
-pub trait Rejuvenation<P, O>: Sync {
-    /// Why it failed; ends the step.
-    type Error: std::error::Error + Send + 'static;
-
-    /// Moves the particles; draws come from `streams` with
-    /// (`frame`, particle index, [`Purpose::Evolution`]).
-    ///
-    /// # Errors
-    /// What the rejuvenation cannot handle.
-    fn rejuvenate(
-        &self,
-        particles: &mut [P],
-        observation: &O,
-        streams: &Streams,
-        frame: u64,
-    ) -> Result<RejuvenationReport, Self::Error>;
-}
-
-/// Updates the map of one particle, given its final pose.
-pub trait MapUpdate<P, O>: Sync {
-    /// Why it failed; ends the step.
-    type Error: std::error::Error + Send + 'static;
-
-    /// Updates, starts and drops the landmarks of `particle`.
-    ///
-    /// # Errors
-    /// What the update cannot handle.
-    fn update_map(&self, particle: &mut P, observation: &O) -> Result<(), Self::Error>;
-}
-
-/// Moves tried and accepted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RejuvenationReport {
-    /// Moves tried.
-    pub proposed: usize,
-    /// Moves accepted.
-    pub accepted: usize,
-}
-
-impl RejuvenationReport {
-    /// Share of moves accepted; `None` when none was tried.
-    #[must_use]
-    pub fn acceptance(&self) -> Option<f64> {
-        (self.proposed > 0).then(|| self.accepted as f64 / self.proposed as f64)
-    }
-}
-
-/// Leaves the particles as they are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NoRejuvenation;
-
-impl<P, O> Rejuvenation<P, O> for NoRejuvenation {
-    type Error = Infallible;
-
-    fn rejuvenate(
-        &self,
-        _: &mut [P],
-        _: &O,
-        _: &Streams,
-        _: u64,
-    ) -> Result<RejuvenationReport, Infallible> {
-        Ok(RejuvenationReport::default())
-    }
-}
-
-/// Leaves the maps as they are: localisation in a known map, or state estimation without one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NoMapUpdate;
-
-impl<P, O> MapUpdate<P, O> for NoMapUpdate {
-    type Error = Infallible;
-
-    fn update_map(&self, _: &mut P, _: &O) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-/// When rejuvenation runs.
+/// The frames in which rejuvenation runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RejuvenationSchedule {
-    /// Only in frames that resampled, to spread the copies.
+    /// Only the frames that resampled, to spread the copies.
     #[default]
     AfterResampling,
-    /// In every frame.
+    /// Every frame.
     EveryFrame,
 }
 
-/// How the driver resamples.
+/// How a [`ParticleFilter`] resamples and rejuvenates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterConfig {
-    /// The scheme.
+    /// The scheme that draws the ancestors.
     pub resampler: Resampler,
-    /// Resample when N_eff is below this fraction of N, in [0, 1]; 0.6 in the paper, 0 never.
+    /// A frame resamples when N_eff is below this fraction of N, in [0, 1]. The paper uses 0.6; 0
+    /// never resamples.
     pub resampling_threshold: f64,
-    /// When to rejuvenate.
+    /// The frames in which rejuvenation runs.
     pub rejuvenation: RejuvenationSchedule,
 }
 
@@ -159,17 +62,17 @@ impl Default for FilterConfig {
     }
 }
 
-/// How many particles a resampling draws.
+/// The rule for the number of particles that a resampling draws.
 #[derive(Clone, Debug, Default)]
 pub enum ParticleCount<P> {
-    /// As many as there are.
+    /// As many as there are now.
     #[default]
     Fixed,
-    /// As many as the spread of the poses asks for.
+    /// As many as the spread of the poses asks for, by KLD-sampling.
     Kld {
-        /// The bound and its bins.
+        /// The bound on the divergence, and the bins.
         sampling: KldSampling,
-        /// The coordinates to be binned, headings wrapped.
+        /// The coordinates to be binned, with headings wrapped.
         pose: fn(&P) -> Vec<f64>,
     },
 }
@@ -186,20 +89,21 @@ impl<P> ParticleCount<P> {
     }
 }
 
-/// What happened in a frame.
+/// The report of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
-    /// Log of the frame's evidence, log sum w_{t-1} exp(increment).
+    /// Logarithm of the frame's evidence, log sum w_{t-1} exp(increment).
     pub log_evidence: f64,
     /// Effective number of particles after weighting, before resampling.
     pub n_eff: f64,
-    /// Ancestor of each slot, sorted, when the frame resampled; as many as there are particles now.
+    /// Ancestor of each slot, sorted, if the frame resampled. There is one for every particle that the
+    /// set holds now.
     pub ancestors: Option<Vec<usize>>,
-    /// Distinct ancestors; N when the frame did not resample.
+    /// Number of distinct ancestors; N if the frame did not resample.
     pub unique_ancestors: usize,
-    /// Frames since the common ancestor of all paths; `None` while there is none.
+    /// Number of frames since the common ancestor of all paths; `None` while they have none.
     pub common_ancestor_age: Option<u64>,
-    /// Moves tried and accepted; zeros when rejuvenation did not run.
+    /// Moves tried and accepted; zeros if rejuvenation did not run.
     pub rejuvenation: RejuvenationReport,
 }
 
@@ -211,7 +115,9 @@ impl StepReport {
     }
 }
 
-/// A particle set with its streams, configuration and genealogy.
+/// A particle set with its random streams, configuration and genealogy.
+///
+/// [`ParticleFilter::step`] runs one frame. `P` is the particle, cheap to clone.
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<P> {
     set: ParticleSet<P>,
@@ -235,10 +141,11 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         Self::resume(set, streams, config, genealogy)
     }
 
-    /// A filter from a checkpoint: the set and the genealogy of an earlier one.
+    /// A filter that goes on from the set and the genealogy of an earlier one.
     ///
     /// # Errors
-    /// [`RbpfError::InvalidThreshold`], or a genealogy of another number of particles.
+    /// [`RbpfError::InvalidThreshold`], or [`RbpfError::LengthMismatch`] for a genealogy of another
+    /// number of particles.
     pub fn resume(
         set: ParticleSet<P>,
         streams: Streams,
@@ -259,10 +166,10 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         })
     }
 
-    /// The same filter, with another rule for the number of particles a resampling draws.
+    /// The same filter with another rule for the number of particles that a resampling draws.
     ///
     /// # Errors
-    /// As [`KldSampling::check`].
+    /// [`RbpfError::InvalidSetting`] for settings of [`KldSampling`] that are out of range.
     pub fn with_particle_count(mut self, count: ParticleCount<P>) -> Result<Self, RbpfError> {
         if let ParticleCount::Kld { sampling, .. } = &count {
             sampling.check()?;
@@ -277,7 +184,7 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         &self.set
     }
 
-    /// The particle set, to be changed between frames.
+    /// The particles, to be changed between frames.
     #[must_use]
     pub fn particles_mut(&mut self) -> &mut [P] {
         self.set.particles_mut()
@@ -298,12 +205,12 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
     /// Runs one frame: propose, weight, resample if N_eff is low, rejuvenate, update maps.
     ///
     /// `frame` keys the random streams and must not repeat within a run.
-    /// Cost: N proposals and map updates, one clone of each particle, and N more when
-    /// resampling.
+    /// The cost is N proposals, N map updates and N clones of a particle, and N clones more if the
+    /// frame resamples.
     ///
     /// # Errors
-    /// The first error in particle order of the first stage that failed; the set, the weights and
-    /// the genealogy are then unchanged.
+    /// The first error, in particle order, of the first stage that failed. The set, the weights and the
+    /// genealogy are then unchanged.
     #[expect(
         clippy::type_complexity,
         reason = "the error is named after the three stages it came from"
@@ -378,40 +285,4 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
             rejuvenation: moves,
         })
     }
-}
-
-/// Applies `work` to every particle, in parallel with the feature `parallel`; results are in slot
-/// order. The building block for drivers and rejuvenations of one's own.
-pub fn map_particles<P: Send, R: Send>(
-    particles: &mut [P],
-    work: impl Fn(usize, &mut P) -> R + Sync,
-) -> Vec<R> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        particles
-            .par_iter_mut()
-            .enumerate()
-            .map(|(slot, particle)| work(slot, particle))
-            .collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    {
-        particles
-            .iter_mut()
-            .enumerate()
-            .map(|(slot, particle)| work(slot, particle))
-            .collect()
-    }
-}
-
-/// A failure with the slot it happened in.
-type InSlot<E> = (usize, E);
-
-pub(crate) fn first_error<T, E>(outcomes: Vec<Result<T, E>>) -> Result<Vec<T>, InSlot<E>> {
-    outcomes
-        .into_iter()
-        .enumerate()
-        .map(|(slot, outcome)| outcome.map_err(|error| (slot, error)))
-        .collect()
 }

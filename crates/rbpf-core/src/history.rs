@@ -1,14 +1,14 @@
-//! A persistent, append-only sequence: the path of a particle.
+//! The path of a particle: an append-only sequence that shares its past.
 //!
 //! Particles that descend from one ancestor have the same path up to it. [`PersistentPath`] keeps
 //! its entries in the chunks of a [`CowMap`], so a clone is O(1), an append copies at most one
 //! chunk of 16 entries and the nodes above it, and the common past is stored once
 //! however many particles carry it.
 
-use crate::landmark_map::{CowMap, SharedLeaves};
+use crate::landmark_map::CowMap;
 use std::fmt;
 
-/// Append-only sequence sharing its past with its clones.
+/// An append-only sequence that shares its past with its clones; `clone` is O(1).
 pub struct PersistentPath<T> {
     entries: CowMap<T>,
 }
@@ -34,7 +34,7 @@ impl<T> PersistentPath<T> {
         self.entries.is_empty()
     }
 
-    /// The entry appended as number `index`, from 0. O(log16 n).
+    /// The entry of index `index`, from 0 in order of appending. O(log16 n).
     #[must_use]
     pub fn get(&self, index: usize) -> Option<&T> {
         self.entries.get(u32::try_from(index).ok()?)
@@ -46,20 +46,14 @@ impl<T> PersistentPath<T> {
         self.get(self.len().checked_sub(1)?)
     }
 
-    /// Entries from the first to the latest. O(n) in all.
+    /// The entries from the first to the latest. O(n) in all.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &T> + '_ {
         self.entries.iter().map(|(_, entry)| entry)
-    }
-
-    /// How many chunks of 16 entries this path has in common memory with another.
-    #[must_use]
-    pub fn shared_chunks_with(&self, other: &Self) -> SharedLeaves {
-        self.entries.shared_leaves_with(&other.entries)
     }
 }
 
 impl<T: Clone> PersistentPath<T> {
-    /// Appends an entry. O(log16 n), copying one shared chunk at most.
+    /// Appends an entry. O(log16 n); at most one shared chunk is copied.
     ///
     /// # Panics
     /// After 2^32 entries.
@@ -68,7 +62,7 @@ impl<T: Clone> PersistentPath<T> {
         self.entries.insert(index, entry);
     }
 
-    /// The latest entry, to be changed in place: a rejuvenated pose replaces the one proposed.
+    /// The latest entry, to be changed in place, as when a rejuvenated pose replaces the one proposed.
     #[must_use]
     pub fn last_mut(&mut self) -> Option<&mut T> {
         let index = u32::try_from(self.len().checked_sub(1)?).ok()?;
@@ -133,7 +127,7 @@ mod tests {
         assert_eq!(left.get(100), Some(&100));
         assert_eq!((right.get(100), right.last()), (Some(&7), Some(&9)));
         // entries 0..96 fill six chunks; the seventh is each path's own
-        let shared = right.shared_chunks_with(&left);
+        let shared = right.entries.shared_leaves_with(&left.entries);
         assert_eq!((shared.shared, shared.total), (6, 7));
     }
 

@@ -1,37 +1,40 @@
-//! How many particles are enough: KLD-sampling (Fox 2003, "Adapting the sample size in particle filters").
+//! The number of particles by KLD-sampling (Fox 2003, "Adapting the sample size in particle filters").
 //!
-//! Divide the poses into bins. If n samples of a distribution over k occupied bins are drawn, the Kullback-Leibler divergence
-//! of their histogram from the distribution stays below epsilon with probability 1 - delta when 2 n epsilon reaches the 1 - delta quantile of
-//! chi-square with k - 1 degrees of freedom; by the approximation of Wilson and Hilferty (Fox, Eq. 7)
+//! Divide the poses into bins, and draw n samples of a distribution over k occupied bins. The
+//! Kullback-Leibler divergence of their histogram from the distribution stays below epsilon with
+//! probability 1 - delta when 2 n epsilon reaches the 1 - delta quantile of chi-square with k - 1
+//! degrees of freedom. By the approximation of Wilson and Hilferty (Fox, Eq. 7) that is
 //!
 //! ```text
 //! n = (k - 1) / (2 epsilon) (1 - 2 / (9 (k - 1)) + sqrt(2 / (9 (k - 1))) z)^3,   z = z_(1 - delta)
 //! ```
 //!
-//! k is not known beforehand, so samples are drawn one by one from the weighted set until there are as many as the bins
-//! occupied so far ask for. [`KldSampling::count`] does this; the ancestors themselves are then drawn in that number by
-//! the resampler, which has less variance than the counting draws.
+//! k is not known beforehand, so samples are drawn one by one from the weighted set until there are
+//! as many as the bins occupied so far ask for. The ancestors themselves are then drawn in that number
+//! by the resampler, which has less variance than the counting draws.
 //!
-//! A set spread over many bins gets many particles, a concentrated one few. When not to use: what the particles must cover
-//! beyond the pose, as the maps of a SLAM filter, is not in the bins; keep the minimum at what the maps need.
+//! A set spread over many bins gets many particles, a concentrated one few. Only the pose is binned:
+//! where particles must also cover other things, such as the maps of a SLAM filter, keep the smallest
+//! number at what those need.
 
 use crate::error::RbpfError;
 use crate::log_weights::linear_weights;
 use rand::{Rng, RngExt};
 use std::collections::BTreeSet;
 
-/// The settings of KLD-sampling.
+/// The settings of KLD-sampling, for [`crate::ParticleCount::Kld`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct KldSampling {
     /// Largest divergence epsilon, positive; 0.05 is usual.
     pub error: f64,
     /// Upper quantile z of the standard normal, at least 0: 2.326 for delta = 0.01, 1.645 for 0.05.
     pub quantile: f64,
-    /// Side of a bin along each coordinate of the pose, positive. A side that divides 2 pi suits a heading.
+    /// Side of a bin along each coordinate of the pose, positive and in the unit of the coordinate. A
+    /// side that divides 2 pi suits a heading.
     pub widths: Vec<f64>,
-    /// Fewest particles, at least 1.
+    /// Smallest number of particles, at least 1.
     pub min_particles: usize,
-    /// Most particles, not below the fewest.
+    /// Largest number of particles, not below the smallest.
     pub max_particles: usize,
 }
 
@@ -40,7 +43,7 @@ impl KldSampling {
     ///
     /// # Errors
     /// [`RbpfError::InvalidSetting`] naming the first that is out of range.
-    pub fn check(&self) -> Result<(), RbpfError> {
+    pub(crate) fn check(&self) -> Result<(), RbpfError> {
         let wrong = |what, value| Err(RbpfError::InvalidSetting { what, value });
         if !(self.error.is_finite() && self.error > 0.0) {
             return wrong("KLD error, positive", self.error);
@@ -70,7 +73,8 @@ impl KldSampling {
         Ok(())
     }
 
-    /// Samples needed for `bins` occupied bins, rounded up, within the fewest and the most particles.
+    /// Number of samples needed for `bins` occupied bins, rounded up and limited to the range from
+    /// `min_particles` to `max_particles`.
     #[must_use]
     pub fn bound(&self, bins: usize) -> usize {
         let samples = if bins < 2 {
@@ -85,14 +89,14 @@ impl KldSampling {
         (samples.ceil() as usize).clamp(self.min_particles, self.max_particles)
     }
 
-    /// Particles to draw from a weighted set whose particles have these poses.
+    /// Number of particles to draw from a weighted set whose particles have these poses.
     ///
-    /// Draws one ancestor after another until as many are drawn as the bins they occupy ask for. Only the coordinates
-    /// that have a width are binned. O(N + n (log N + log k)) for a result n.
+    /// Draws one ancestor after another until there are as many as the bins they occupy ask for. Only
+    /// the coordinates that have a width are binned. O(N + n (log N + log k)) for a result n.
     ///
     /// # Errors
     /// Settings out of range, a pose too short or not finite, or weights that cannot be normalised.
-    pub fn count(
+    pub(crate) fn count(
         &self,
         log_weights: &[f64],
         poses: &[Vec<f64>],

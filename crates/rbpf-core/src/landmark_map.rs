@@ -1,18 +1,20 @@
-//! A persistent map from dense integer ids, shared between particles.
+//! A persistent map from dense integer ids to values, shared between particles.
 //!
-//! After resampling, the children of one particle hold the same map except for what they update
+//! After a resampling the children of one particle hold the same map, except for what they update
 //! later. [`CowMap`] is a radix trie of 16-way nodes behind reference counts: a clone copies one
-//! pointer, a write copies the nodes on the path from the root to the one leaf it touches, and
-//! only those that are shared. Resampling N particles with M landmarks therefore costs N pointer
-//! copies and touches no landmark; updating k landmarks costs O(k log16 M) at most.
+//! pointer, and a write copies those nodes on the path from the root to its leaf that are shared.
+//! Resampling N particles with M landmarks therefore costs N pointer copies and touches no landmark;
+//! updating k landmarks costs O(k log16 M) at most.
 //!
-//! Ids should be dense (numbered from zero as landmarks are created): memory follows the occupied
-//! leaves of 16 ids. Iteration is in id order. Nodes left empty by removal are dropped.
+//! Ids should be dense, numbered from zero as landmarks are created: the memory follows the number of
+//! occupied leaves of 16 ids. Iteration is in the order of the ids. Nodes left empty by a removal are
+//! dropped.
 //!
-//! A write to a shared leaf clones up to 15 neighbours of the value, so `T` should be
-//! plain data; put descriptors and pictures behind an `Arc` or outside the map.
+//! A write to a shared leaf clones up to 15 neighbours of the value, so `T` should be plain data;
+//! descriptors and pictures belong behind an `Arc` or outside the map.
 //!
-//! Not for sparse ids such as hashes, nor where a single owner writes everything: use a `Vec`.
+//! For sparse ids such as hashes use an ordered or hashed map, and where a single owner writes
+//! everything use a `Vec`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -20,7 +22,7 @@ use std::sync::Arc;
 const BITS: u32 = 4;
 const WIDTH: usize = 1 << BITS;
 
-/// Persistent map from `u32` to `T`; `clone` is O(1).
+/// A persistent map from `u32` ids to `T`; `clone` is O(1), and a write copies only what it touches.
 pub struct CowMap<T> {
     root: Option<Arc<Node<T>>>,
     /// Branch levels above the leaves; ids below 16^(height + 1) have a place.
@@ -28,14 +30,14 @@ pub struct CowMap<T> {
     len: usize,
 }
 
-/// How much of one map is physically the same memory as another's.
+/// The part of one map that is physically the same memory as another's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedLeaves {
-    /// Leaves of the first map that are also leaves of the second.
+    /// Number of leaves of the first map that are also leaves of the second.
     pub shared: usize,
-    /// Leaves of the first map.
+    /// Number of leaves of the first map.
     pub total: usize,
-    /// Bytes of the first map's nodes, leaves and branches, that the second does not hold.
+    /// Bytes of those nodes of the first map, leaves and branches, that the second does not hold.
     pub own_bytes: usize,
 }
 
@@ -92,7 +94,7 @@ impl<T> CowMap<T> {
         self.get(id).is_some()
     }
 
-    /// Ids and values in increasing order of id. O(len) in all for dense ids.
+    /// Ids and values in increasing order of the ids. O(len) in all for dense ids.
     #[must_use]
     pub fn iter(&self) -> Iter<'_, T> {
         let stack = self
@@ -112,8 +114,8 @@ impl<T> CowMap<T> {
         self.iter().map(|(id, _)| id)
     }
 
-    /// Counts the leaves (16 ids each) that both maps hold at the same address. For tests and
-    /// memory reports. O(leaves), less where whole branches are shared.
+    /// Counts the leaves (16 ids each) that both maps hold at the same address, for tests and memory
+    /// reports. O(leaves).
     #[must_use]
     pub fn shared_leaves_with(&self, other: &Self) -> SharedLeaves {
         let mut count = SharedLeaves {
@@ -134,8 +136,8 @@ impl<T> CowMap<T> {
 }
 
 impl<T: Clone> CowMap<T> {
-    /// Mutable access to the value of `id`, copying what is shared on the way to it.
-    /// An absent id copies nothing.
+    /// Mutable access to the value of `id`. Nodes that are shared are copied on the way to it; an absent
+    /// id copies nothing.
     #[must_use]
     pub fn get_mut(&mut self, id: u32) -> Option<&mut T> {
         if !self.contains(id) {
@@ -154,7 +156,7 @@ impl<T: Clone> CowMap<T> {
         }
     }
 
-    /// Sets the value of `id` and returns the one it had.
+    /// Sets the value of `id` and returns the one it had. O(log16 of the largest id).
     pub fn insert(&mut self, id: u32, value: T) -> Option<T> {
         while !fits(id, self.height) {
             if let Some(old_root) = self.root.take() {
@@ -182,7 +184,7 @@ impl<T: Clone> CowMap<T> {
         }
     }
 
-    /// Takes the value of `id` out of the map. An absent id copies nothing.
+    /// Takes the value of `id` out of the map; an absent id copies nothing. O(log16 of the largest id).
     pub fn remove(&mut self, id: u32) -> Option<T> {
         if !self.contains(id) {
             return None;

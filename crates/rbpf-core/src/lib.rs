@@ -1,89 +1,101 @@
-//! Building blocks of a Rao-Blackwellized particle filter.
+//! A Rao-Blackwellized particle filter without its sensor.
 //!
-//! Each particle carries what is sampled (a path) and, conditioned on it, what is solved in closed
-//! form (a map of Gaussian landmarks). This crate holds the parts that do not depend on the sensor:
+//! Each particle carries the part of the state that is sampled, such as the path of a robot, and the
+//! part that has a closed form given the sampled one, such as a map of Gaussian landmarks. This
+//! crate holds everything of such a filter that does not depend on the robot or on the sensor: the
+//! weighted set, the order of a step, resampling, random numbers and the memory that particles share.
 //!
-//! 1. [`streams`]: one random stream per (seed, frame, particle, purpose);
-//! 2. [`log_weights`]: normalisation and effective count in log space;
-//! 3. [`resampling`]: four unbiased schemes returning sorted ancestors; [`kld`]: how many to draw;
-//! 4. [`landmark_map`]: a persistent map, cloned in O(1) and copied where it is written;
-//! 5. [`history`]: a persistent path with the same sharing;
-//! 6. [`circular`]: means of headings;
-//! 7. [`diagnostics`]: unique ancestors and coalescence of the paths;
-//! 8. [`particle_set`] and [`filter`]: weights and ancestors of a set, and the order of a frame over
-//!    three narrow traits;
-//! 9. [`models`]: what is asked of a robot and its sensor, by traits of one to three methods;
-//! 10. [`proposal`]: from the motion model, extended, unscented, with exact weights;
-//! 11. [`landmark_filter`] and [`landmark_particle`]: the landmarks of a particle and their update;
-//! 12. [`range_bearing`] and [`vehicles`]: a planar sensor and two vehicles, ready to use;
-//! 13. `association`: scans without ids, named by each particle.
+//! # First example
 //!
-//! Everything unscented, and with it `MotionProposal` and `association`, whose likelihoods are by sigma points, is
-//! of the feature `ukf` (on by default). Without it the forms by Jacobians remain.
+//! A number takes a random step of unit variance in every frame and is measured with unit variance.
+//! Only the proposal belongs to the problem; nothing is mapped and nothing is rejuvenated.
 //!
-//! The results do not depend on the number of threads: random numbers are keyed by the particle,
-//! and every reduction runs in particle order.
+//! ```
+//! use rand::RngExt;
+//! use rand_chacha::ChaCha8Rng;
+//! use rand_distr::StandardNormal;
+//! use rbpf_core::{
+//!     FilterConfig, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal, Streams,
+//! };
+//! use std::convert::Infallible;
+//!
+//! struct RandomWalk;
+//!
+//! impl Proposal<f64, f64> for RandomWalk {
+//!     type Error = Infallible;
+//!
+//!     fn propose(&self, x: &mut f64, z: &f64, rng: &mut ChaCha8Rng) -> Result<f64, Infallible> {
+//!         *x += rng.sample::<f64, _>(StandardNormal);
+//!         Ok(-0.5 * (z - *x).powi(2)) // log likelihood, up to a constant
+//!     }
+//! }
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let set = ParticleSet::new(vec![0.0; 500])?;
+//! let mut filter = ParticleFilter::new(set, Streams::new(7), FilterConfig::default())?;
+//! for (frame, z) in (0..).zip([0.5, 1.0, 2.0]) {
+//!     filter.step(frame, &z, &RandomWalk, &NoRejuvenation, &NoMapUpdate)?;
+//! }
+//! let mean = filter.set().weighted_mean(|x| *x)?;
+//! assert!((mean - 1.5).abs() < 0.2); // the Kalman filter says 1.5
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Three types to know
+//!
+//! - [`ParticleFilter`] owns the set and runs a frame: propose, weight, resample, rejuvenate, update
+//!   the maps.
+//! - [`Proposal`] is the trait that a model implements: it moves one particle and returns the
+//!   logarithm of its importance weight. [`Rejuvenation`] and [`MapUpdate`] are its optional
+//!   companions.
+//! - [`CowMap`] is a map of landmarks that clones in O(1) and copies only the parts it writes;
+//!   [`PersistentPath`] does the same for a path.
+//!
+//! [`Streams`] gives every particle a random generator of its own, [`Resampler`] and [`KldSampling`]
+//! choose the ancestors and their number, and [`Genealogy`] tells how far back all paths are one.
+//!
+//! # When to use it, and when not
+//!
+//! Use it when the posterior has a part that must be sampled (a nonlinear path, an unknown
+//! association) and a part that has a closed form given the samples. A state that is Gaussian as a
+//! whole needs a Kalman filter instead. A step clones every particle in order to restore the set
+//! after an error, so everything large in a particle belongs behind [`CowMap`],
+//! [`PersistentPath`] or `Arc`.
+//!
+//! # Guarantees
+//!
+//! Results do not depend on the number of threads: random numbers are keyed by the particle, and
+//! every reduction runs in particle order. After an error the filter is what it was before the step.
+//! Weights are logarithms throughout, so a frame with a hundred measurements does not underflow.
 
-#[cfg(feature = "ukf")]
-pub mod association;
-pub mod circular;
-pub mod diagnostics;
-pub mod error;
-pub mod filter;
-pub mod history;
-pub mod kld;
-pub mod landmark_filter;
-pub mod landmark_map;
-pub mod landmark_particle;
-pub mod log_weights;
-pub mod models;
-pub mod particle_set;
-pub mod proposal;
-pub mod range_bearing;
-#[cfg(feature = "es-evolve")]
-pub mod rejuvenation;
-pub mod resampling;
-pub mod streams;
-pub mod vehicles;
+mod diagnostics;
+mod error;
+mod filter;
+mod history;
+mod kld;
+mod landmark_map;
+mod log_weights;
+mod parallel;
+mod particle_set;
+mod resampling;
+mod step;
+mod streams;
 
-mod factor;
-#[cfg(feature = "ukf")]
-mod unscented;
-
-#[cfg(feature = "ukf")]
-pub use association::{
-    Associating, AssociationRules, DoubtingMapping, ExistenceRules, NamingParticle, Scan,
-};
-pub use circular::{Moments, circular_mean, weighted_moments, wrap_angle};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
-pub use filter::{
-    FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleCount, ParticleFilter, Proposal,
-    Rejuvenation, RejuvenationReport, RejuvenationSchedule, StepReport,
-};
+pub use filter::{FilterConfig, ParticleCount, ParticleFilter, RejuvenationSchedule, StepReport};
 pub use history::PersistentPath;
 pub use kld::KldSampling;
-#[cfg(feature = "ukf")]
-pub use landmark_filter::UnscentedLandmarks;
-pub use landmark_filter::{ExtendedLandmarks, LandmarkFilter, LandmarkUpdate};
 pub use landmark_map::{CowMap, SharedLeaves};
-pub use landmark_particle::{Landmark, LandmarkMapping, LandmarkParticle};
-pub use log_weights::{effective_count, log_sum_exp, normalize};
-pub use models::{
-    FieldOfView, Frame, Gaussian, InverseObservation, MotionModel, ObservationJacobians,
-    ObservationModel, PoseAndMap,
-};
+pub use parallel::map_particles;
 pub use particle_set::ParticleSet;
-pub use proposal::{ExtendedProposal, Linearisation, linearised_log_likelihood};
-#[cfg(feature = "ukf")]
-pub use proposal::{MotionProposal, UnscentedProposal, log_likelihood};
-pub use range_bearing::RangeBearing;
-#[cfg(feature = "es-evolve")]
-pub use rejuvenation::{InverseMotion, MovablePose, MoveError, MovePoses};
-pub use resampling::{Resampler, resample};
+pub use resampling::Resampler;
+pub use step::{
+    MapUpdate, NoMapUpdate, NoRejuvenation, Proposal, Rejuvenation, RejuvenationReport,
+};
 pub use streams::{Purpose, Streams};
-pub use vehicles::{Bicycle, Command, Deviation, Propagation, Unicycle};
 
-#[cfg(all(doctest, feature = "ukf"))]
+#[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct ReadmeDoctests;

@@ -1,7 +1,7 @@
 //! Importance weights in log space.
 //!
 //! A frame with a hundred matches multiplies a hundred densities: a weight of exp(-5000) is
-//! ordinary and underflows as a plain number. All weights are therefore logarithms, normalised by
+//! ordinary, and underflows as a plain number. All weights are therefore logarithms, normalised by
 //!
 //! ```text
 //! log sum_i exp(l_i) = m + log sum_i exp(l_i - m),   m = max_i l_i
@@ -16,11 +16,9 @@
 
 use crate::error::RbpfError;
 
-/// log of the sum of exponentials; -inf for an empty slice or zeros only, NaN if any entry is NaN.
-///
-/// O(n), exact to a few units in the last place times log n.
-#[must_use]
-pub fn log_sum_exp(log_values: &[f64]) -> f64 {
+/// Logarithm of the sum of exponentials: -inf for an empty slice or for zeros only, NaN if any entry is
+/// NaN. O(n), exact to a few units in the last place times log n.
+pub(crate) fn log_sum_exp(log_values: &[f64]) -> f64 {
     let mut largest = f64::NEG_INFINITY;
     for &value in log_values {
         if value.is_nan() {
@@ -36,13 +34,13 @@ pub fn log_sum_exp(log_values: &[f64]) -> f64 {
 }
 
 /// Normalises log weights in place, so that their exponentials sum to one, and returns the
-/// log of the sum they had before: the log evidence increment when the weights were normalised
-/// before this frame's increments were added.
+/// logarithm of the sum they had before. That is the logarithm of a frame's evidence if the weights
+/// were normalised before the increments of the frame were added.
 ///
 /// # Errors
 /// [`RbpfError::NoParticles`] for an empty slice, [`RbpfError::DegenerateWeights`] if any weight
 /// is NaN or +inf or all are -inf; the slice is then unchanged.
-pub fn normalize(log_weights: &mut [f64]) -> Result<f64, RbpfError> {
+pub(crate) fn normalize(log_weights: &mut [f64]) -> Result<f64, RbpfError> {
     let log_evidence = checked_log_sum(log_weights)?;
     for weight in log_weights {
         *weight -= log_evidence;
@@ -50,10 +48,9 @@ pub fn normalize(log_weights: &mut [f64]) -> Result<f64, RbpfError> {
     Ok(log_evidence)
 }
 
-/// Effective number of particles, 1 / sum w_i^2, between 1 and n; the log weights need not be
-/// normalised. 0 if no weight is positive, NaN if one is NaN.
-#[must_use]
-pub fn effective_count(log_weights: &[f64]) -> f64 {
+/// Effective number of particles, 1 / sum w_i^2, between 1 and n. The log weights need not be
+/// normalised. The result is 0 if no weight is positive, and NaN if one is NaN.
+pub(crate) fn effective_count(log_weights: &[f64]) -> f64 {
     let largest = log_weights
         .iter()
         .copied()
@@ -76,7 +73,7 @@ pub fn effective_count(log_weights: &[f64]) -> f64 {
 ///
 /// # Errors
 /// As [`normalize`].
-pub fn linear_weights(log_weights: &[f64]) -> Result<Vec<f64>, RbpfError> {
+pub(crate) fn linear_weights(log_weights: &[f64]) -> Result<Vec<f64>, RbpfError> {
     let log_sum = checked_log_sum(log_weights)?;
     Ok(log_weights
         .iter()

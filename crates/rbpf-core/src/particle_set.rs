@@ -1,14 +1,14 @@
-//! Particles with their weights: what a frame changes and a checkpoint keeps.
+//! Particles with their weights.
 //!
-//! The log weights are normalised at all times, so an evidence increment is the log-sum of one frame's
-//! reweighting. They are carried from frame to frame and reset to 1/N only by
-//! [`ParticleSet::select`].
+//! The log weights are normalised at all times, so the log-sum of one frame's reweighting is the
+//! logarithm of its evidence. Weights are carried from frame to frame, and only [`ParticleSet::select`]
+//! resets them to 1/N.
 
 use crate::diagnostics::check_ancestors;
 use crate::error::RbpfError;
 use crate::log_weights::{effective_count, linear_weights, normalize};
 
-/// Particles with normalised log weights; never empty.
+/// Particles with normalised log weights. A set is never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParticleSet<P> {
     particles: Vec<P>,
@@ -26,11 +26,13 @@ impl<P> ParticleSet<P> {
         Self::from_parts(particles, vec![0.0; count], (0..count).collect())
     }
 
-    /// A set from a checkpoint. Weights are normalised here, unless they already are to within
-    /// rounding: a set written and read again is bit for bit the same.
+    /// A set from its particles, log weights and origins, in slot order.
+    ///
+    /// The weights are normalised, unless they already are to within rounding: a set that is taken
+    /// apart and put together again is bit for bit the same.
     ///
     /// # Errors
-    /// No particle, vectors of unequal length, or degenerate weights.
+    /// [`RbpfError::NoParticles`], [`RbpfError::LengthMismatch`] or [`RbpfError::DegenerateWeights`].
     pub fn from_parts(
         particles: Vec<P>,
         mut log_weights: Vec<f64>,
@@ -79,7 +81,7 @@ impl<P> ParticleSet<P> {
         &self.log_weights
     }
 
-    /// Normalised weights as plain numbers.
+    /// Normalised weights as plain numbers, in slot order.
     #[must_use]
     pub fn weights(&self) -> Vec<f64> {
         self.log_weights
@@ -100,7 +102,7 @@ impl<P> ParticleSet<P> {
         effective_count(&self.log_weights)
     }
 
-    /// Slot of the largest weight, the first of several.
+    /// Slot of the particle with the largest weight, the first of several.
     #[must_use]
     pub fn best(&self) -> usize {
         let mut best = 0;
@@ -112,12 +114,12 @@ impl<P> ParticleSet<P> {
         best
     }
 
-    /// Adds the increments of a frame to the log weights and normalises; returns the log of the
-    /// frame's evidence, log sum w_{t-1} exp(increment).
+    /// Adds the increments of a frame to the log weights and normalises them. Returns the logarithm of
+    /// the frame's evidence, log sum w_{t-1} exp(increment).
     ///
     /// # Errors
-    /// Increments of another length or that leave no weight (see [`normalize`]); the set is then
-    /// unchanged.
+    /// [`RbpfError::LengthMismatch`], or [`RbpfError::DegenerateWeights`] if an increment is NaN or +inf
+    /// or no weight is left. The set is then unchanged.
     pub fn reweight(&mut self, log_increments: &[f64]) -> Result<f64, RbpfError> {
         check_length("weight increments", log_increments.len(), self.len())?;
         let mut log_weights = self.log_weights.clone();
@@ -129,11 +131,10 @@ impl<P> ParticleSet<P> {
         Ok(log_evidence)
     }
 
-    /// Replaces the set by copies of `ancestors`, equally weighted. The new set has as many
-    /// particles as there are ancestors.
+    /// Replaces the set by copies of `ancestors`, one for each, with equal weights.
     ///
     /// # Errors
-    /// No ancestor, or one outside the set; the set is then unchanged.
+    /// [`RbpfError::NoParticles`] or [`RbpfError::UnknownAncestor`]. The set is then unchanged.
     pub fn select(&mut self, ancestors: &[usize]) -> Result<(), RbpfError>
     where
         P: Clone,
@@ -148,10 +149,10 @@ impl<P> ParticleSet<P> {
         Ok(())
     }
 
-    /// Weighted sum of a number per particle, in slot order.
+    /// Weighted mean of a number per particle, summed in slot order.
     ///
     /// # Errors
-    /// As [`linear_weights`], which a valid set never meets.
+    /// [`RbpfError::DegenerateWeights`], which a valid set never meets.
     pub fn weighted_mean(&self, value: impl Fn(&P) -> f64) -> Result<f64, RbpfError> {
         let weights = linear_weights(&self.log_weights)?;
         Ok(self
@@ -163,7 +164,7 @@ impl<P> ParticleSet<P> {
     }
 }
 
-/// An error that names `what` unless both lengths agree.
+/// An error that names the vector `what` unless both lengths agree.
 pub(crate) const fn check_length(
     what: &'static str,
     given: usize,

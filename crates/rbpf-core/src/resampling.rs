@@ -10,9 +10,9 @@
 //! | stratified | sum over strata k of p_ik (1 - p_ik), p_ik the share of stratum k that weight i covers |
 //! | systematic | f_i (1 - f_i), the least possible: a count is floor or ceil of n w_i |
 //!
-//! Systematic takes one uniform for the whole set and is the default. Its counts are
-//! correlated, and no general ordering of the variance of *estimates* holds for it;
-//! stratified and residual are never worse than multinomial.
+//! Systematic resampling takes one uniform for the whole set and is the default. Its counts are
+//! correlated, and no general ordering of the variance of *estimates* holds for it; stratified and
+//! residual resampling are never worse than multinomial.
 //!
 //! The returned indices are sorted, so particles keep their order and equal ancestors are
 //! neighbours. A weight of zero is never chosen. Cost O(n + N), multinomial and residual
@@ -22,7 +22,7 @@ use crate::error::RbpfError;
 use crate::log_weights::linear_weights;
 use rand::{Rng, RngExt};
 
-/// The resampling schemes.
+/// The resampling schemes. All are unbiased; they differ in the variance of the counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Resampler {
     /// Equally spaced points behind one uniform.
@@ -37,11 +37,13 @@ pub enum Resampler {
 }
 
 impl Resampler {
-    /// Draws `n` ancestors in proportion to the exponentials of `log_weights` (not necessarily
-    /// normalised); see [`resample`].
+    /// Draws `n` ancestors in proportion to the exponentials of `log_weights`, which need not be
+    /// normalised. The ancestors are sorted indices into `log_weights`; a weight of zero is never drawn.
+    /// O(n + N), multinomial and residual O(n log n + N).
     ///
     /// # Errors
-    /// As [`crate::normalize`].
+    /// [`RbpfError::NoParticles`] without weights, [`RbpfError::DegenerateWeights`] if any weight is
+    /// NaN or +inf or all are -inf.
     pub fn resample(
         self,
         log_weights: &[f64],
@@ -63,19 +65,6 @@ impl Resampler {
             Self::Multinomial => multinomial(&weights, n, rng),
         })
     }
-}
-
-/// Systematic resampling, the default: `n` sorted ancestor indices into `log_weights`.
-///
-/// # Errors
-/// [`RbpfError::NoParticles`] without weights, [`RbpfError::DegenerateWeights`] if any weight is
-/// NaN or +inf or all are -inf.
-pub fn resample(
-    log_weights: &[f64],
-    n: usize,
-    rng: &mut impl Rng,
-) -> Result<Vec<usize>, RbpfError> {
-    Resampler::Systematic.resample(log_weights, n, rng)
 }
 
 /// For increasing points in [0, 1): the first index whose cumulative share exceeds the point.

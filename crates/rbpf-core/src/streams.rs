@@ -10,19 +10,19 @@
 //!
 //! The packing is injective, so distinct tuples always have distinct keys, and `ChaCha` under
 //! distinct keys gives unrelated streams of 2^70 bytes. A stream costs 32 bytes of packing and one
-//! block of eight rounds at the first draw; it needs no state between frames, so a run
-//! resumed at frame t continues with the same numbers.
+//! block of eight rounds at the first draw. It needs no state between frames, so a run that is resumed
+//! at frame t continues with the same numbers.
 //!
 //! Not for cryptography: eight rounds and keys that anyone can guess.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// What a stream is drawn for. The number is part of the key and never changes its meaning.
+/// The purpose of a stream. Its number is part of the key and never changes its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u64)]
 pub enum Purpose {
-    /// Drawing the pose of a particle.
+    /// Drawing the pose of a particle; one stream per frame and particle.
     Proposal = 1,
     /// Choosing ancestors; one stream per frame, particle [`Streams::SHARED`].
     Resampling = 2,
@@ -42,7 +42,7 @@ pub enum Purpose {
     MeasurementNoise = 9,
 }
 
-/// The family of streams of one seed.
+/// The family of random streams of one seed: a generator for every (frame, particle, purpose).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Streams {
     seed: u64,
@@ -64,7 +64,7 @@ impl Streams {
         self.seed
     }
 
-    /// The generator of (frame, particle, purpose), always at its beginning.
+    /// The generator of (frame, particle, purpose), at its beginning. O(1).
     #[must_use]
     pub fn stream(&self, frame: u64, particle: u64, purpose: Purpose) -> ChaCha8Rng {
         let mut key = [0_u8; 32];
@@ -75,7 +75,7 @@ impl Streams {
         ChaCha8Rng::from_seed(key)
     }
 
-    /// The generator of draws made once per frame for all particles.
+    /// The generator of draws that are made once per frame for all particles.
     #[must_use]
     pub fn shared(&self, frame: u64, purpose: Purpose) -> ChaCha8Rng {
         self.stream(frame, Self::SHARED, purpose)

@@ -1,0 +1,6 @@
+//! Integration tests of the public interface, one binary.
+
+mod filter;
+mod kld;
+mod landmark_map;
+mod weights;
