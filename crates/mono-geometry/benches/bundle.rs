@@ -6,7 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use mono_geometry::RobustLoss;
 use mono_geometry::bundle::{BundlePose, Options, Problem, adjust, covariance};
 
-#[path = "../tests/common/wall_run.rs"]
+#[path = "../tests/it/common/wall_run.rs"]
 mod wall_run;
 
 use wall_run::WallRun;

@@ -13,7 +13,7 @@ use mono_geometry::bundle::{Adjustment, BundlePose, Options, Problem, adjust, co
 use mono_geometry::{RobustLoss, Se3};
 use nalgebra::SMatrix;
 
-#[path = "../tests/common/wall_run.rs"]
+#[path = "../tests/it/common/wall_run.rs"]
 mod wall_run;
 
 use wall_run::{Simulated, WallRun};

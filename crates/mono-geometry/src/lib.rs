@@ -12,6 +12,7 @@
 //! [`linalg`] (the only singular value decompositions of the workspace).
 
 pub mod angle;
+#[cfg(feature = "bundle")]
 pub mod bundle;
 pub mod calibration;
 pub mod camera;

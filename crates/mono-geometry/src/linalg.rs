@@ -2,25 +2,24 @@
 //!
 //! The general SVD of nalgebra 0.35 returns wrong factors for a few in a hundred rank-deficient matrices of size 4x4
 //! and more (reconstruction errors up to 0.15); its 3x3 case is exact to 4e-15. So: 3x3 by nalgebra, everything larger
-//! by faer (its square case, after a QR reduction), sequentially, because the order of its sums must not depend on the
-//! machine. Every result carries what the caller has to look at: singular values, rank, pivots.
+//! by one-sided Jacobi rotations after a QR reduction, sequentially, because the order of the sums must not depend on
+//! the machine. Every result carries what the caller has to look at: singular values, rank, pivots.
 //!
 //! A rank is a count of singular values above max(rows, columns) eps s_max, the size of what rounding alone leaves of an
 //! exact zero.
 
-use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::svd::{self, ComputeSvdVectors};
-use faer::{Mat, MatRef, Par};
 use nalgebra::linalg::Cholesky;
 use nalgebra::{Const, DMatrix, DVector, Matrix3, Rotation3, SMatrix, Vector3};
 
 use crate::error::GeometryError;
 
+#[cfg(feature = "bundle")]
 mod dense_cholesky;
+mod jacobi;
 mod null_space;
 
-pub use dense_cholesky::DenseCholesky;
+#[cfg(feature = "bundle")]
+pub(crate) use dense_cholesky::DenseCholesky;
 pub use null_space::null_space;
 
 /// Thin singular value decomposition A = U diag(s) V^T of an m x n matrix, k = min(m, n).
@@ -43,10 +42,7 @@ impl Svd {
     }
 }
 
-/// Thin SVD of any matrix with finite entries. O(m n min(m, n)).
-///
-/// A matrix with more rows than columns is reduced by Householder QR first, and a wide one transposed: the tall path of
-/// faer 0.24 leaves errors up to 400 eps on rank-deficient input, the square one 40.
+/// Thin SVD of any matrix with finite entries. O(m n min(m, n)); meant for up to a few hundred columns.
 ///
 /// # Errors
 /// [`GeometryError::Shape`] for an empty matrix, [`GeometryError::Svd`] for NaN or infinite entries.
@@ -73,43 +69,13 @@ pub fn svd(matrix: &DMatrix<f64>) -> Result<Svd, GeometryError> {
     } else {
         scaled
     };
-    let (q, r) = tall.qr().unpack();
-    let (u_of_r, values, v) = square_svd(&r).ok_or(fail)?;
-    let u = q * u_of_r;
+    let (u, values, v) = jacobi::thin_svd(tall).ok_or(fail)?;
     let (u, v) = if transposed { (v, u) } else { (u, v) };
     Ok(Svd {
         u,
         singular_values: values * factor,
         v,
     })
-}
-
-/// (U, s, V) of a square matrix, by faer in one thread.
-fn square_svd(matrix: &DMatrix<f64>) -> Option<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> {
-    let size = matrix.nrows();
-    let mut u = Mat::zeros(size, size);
-    let mut v = Mat::zeros(size, size);
-    let mut s = Diag::zeros(size);
-    let vectors = ComputeSvdVectors::Full;
-    let sequential = Par::Seq;
-    let scratch =
-        svd::svd_scratch::<f64>(size, size, vectors, vectors, sequential, Default::default());
-    svd::svd(
-        MatRef::from_column_major_slice(matrix.as_slice(), size, size),
-        s.as_mut(),
-        Some(u.as_mut()),
-        Some(v.as_mut()),
-        sequential,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    )
-    .ok()?;
-    let values = s.column_vector();
-    Some((
-        DMatrix::from_fn(size, size, |i, j| u[(i, j)]),
-        DVector::from_fn(size, |i, _| values[i]),
-        DMatrix::from_fn(size, size, |i, j| v[(i, j)]),
-    ))
 }
 
 /// SVD of a 3x3 matrix, A = U diag(s) V^T.
@@ -137,7 +103,7 @@ pub fn svd3(matrix: &Matrix3<f64>) -> Result<Svd3, GeometryError> {
     }
     #[expect(
         clippy::disallowed_methods,
-        reason = "the 3x3 case is exact to 4e-15; larger matrices go to faer"
+        reason = "the 3x3 case is exact to 4e-15; larger matrices go to Jacobi rotations"
     )]
     let svd = matrix.svd(true, true);
     match (svd.u, svd.v_t) {

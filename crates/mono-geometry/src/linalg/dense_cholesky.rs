@@ -16,7 +16,7 @@ use crate::error::GeometryError;
 
 /// Lower factor of a symmetric positive definite matrix.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DenseCholesky {
+pub(crate) struct DenseCholesky {
     /// L in the lower triangle; what is above is not read.
     lower: DMatrix<f64>,
 }
@@ -28,7 +28,10 @@ impl DenseCholesky {
     /// [`GeometryError::Shape`] if the matrix is not square or `pivot_floor` has another length,
     /// [`GeometryError::NotPositiveDefinite`] with the first pivot (square of the diagonal entry of L) that is not
     /// above its floor, or not finite.
-    pub fn new(mut matrix: DMatrix<f64>, pivot_floor: &[f64]) -> Result<Self, GeometryError> {
+    pub(crate) fn new(
+        mut matrix: DMatrix<f64>,
+        pivot_floor: &[f64],
+    ) -> Result<Self, GeometryError> {
         let (rows, columns) = matrix.shape();
         if rows != columns || rows != pivot_floor.len() {
             return Err(GeometryError::Shape {
@@ -76,7 +79,7 @@ impl DenseCholesky {
     ///
     /// # Errors
     /// [`GeometryError::Shape`] if the length is not a multiple of n.
-    pub fn solve_in_place(&self, right: &mut [f64]) -> Result<(), GeometryError> {
+    pub(crate) fn solve_in_place(&self, right: &mut [f64]) -> Result<(), GeometryError> {
         let rows = self.lower.nrows();
         if rows == 0 && right.is_empty() {
             return Ok(());
@@ -100,7 +103,7 @@ impl DenseCholesky {
 
     /// The buffer, to be filled and factorised again; its contents are L below and unspecified above.
     #[must_use]
-    pub fn into_buffer(self) -> DMatrix<f64> {
+    pub(crate) fn into_buffer(self) -> DMatrix<f64> {
         self.lower
     }
 }

@@ -9,8 +9,8 @@ use mono_geometry::{Se2, Se3, so3};
 use nalgebra::{Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use proptest::prelude::*;
 
-use crate::config;
-use crate::dual::{Dual, DualMatrix, exponential};
+use super::dual::{Dual, DualMatrix, exponential};
+use crate::common::config;
 
 fn nasty_angle() -> impl Strategy<Value = f64> {
     prop_oneof![

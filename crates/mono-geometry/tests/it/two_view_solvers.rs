@@ -1,9 +1,6 @@
 //! Solvers for two views: noise-free recovery, degenerate samples, robust recovery, covariance.
 
-#[expect(dead_code, reason = "shared by several test files")]
-mod common;
-
-use common::{config, gauss};
+use crate::common::{config, gauss};
 use mono_geometry::epipolar::eight_point::{
     EightPoint, NoFundamental, essential_from_points, fundamental_from_points, nearest_essential,
 };
@@ -169,7 +166,7 @@ fn planes_do_not_disturb_five_points_but_defeat_eight() {
 #[test]
 fn eight_points_recover_the_fundamental_matrix_of_pixels() {
     let mut rng = ChaCha8Rng::seed_from_u64(4);
-    let camera = common::pinhole();
+    let camera = crate::common::pinhole();
     let mut worst = 0.0_f64;
     for _ in 0..300 {
         let pose = motion(&mut rng, 0.5);

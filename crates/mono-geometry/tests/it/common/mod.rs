@@ -1,5 +1,10 @@
 //! What the tests of several views share: the paper's camera, poses by their target, sightings.
 
+#[cfg(feature = "bundle")]
+pub(crate) mod bundle;
+#[cfg(feature = "bundle")]
+pub(crate) mod wall_run;
+
 use mono_geometry::{Observation, Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector3};
 use proptest::test_runner::Config;

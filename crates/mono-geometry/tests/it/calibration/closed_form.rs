@@ -6,7 +6,7 @@ use mono_geometry::calibration::{
 use mono_geometry::{Camera, Distortion, Homography, homography};
 use nalgebra::{Matrix3, Vector2};
 
-use crate::scene::*;
+use super::scene::*;
 
 #[test]
 fn closed_form_is_exact_with_and_without_skew() {

@@ -5,13 +5,3 @@ mod cameras;
 mod dual;
 mod groups;
 mod maps;
-
-use proptest::test_runner::Config;
-
-pub(crate) fn config(cases: u32) -> Config {
-    Config {
-        cases,
-        failure_persistence: None,
-        ..Config::default()
-    }
-}

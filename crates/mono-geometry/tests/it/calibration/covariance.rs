@@ -6,7 +6,7 @@ use nalgebra::DVector;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::scene::*;
+use super::scene::*;
 
 /// Mean normalised error squared over seeded runs, p degrees of freedom each.
 fn mean_nees(

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Case, matches, and what follows them, for the rows of one kind.
 fn rows(kind: &str, matches: usize) -> Vec<(usize, Vec<Correspondence>, Vec<f64>)> {
-    include_str!("reference/opencv_two_view.csv")
+    include_str!("../reference/opencv_two_view.csv")
         .lines()
         .filter_map(|line| line.strip_prefix(kind)?.strip_prefix(','))
         .map(|line| {

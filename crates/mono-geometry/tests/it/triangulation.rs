@@ -1,8 +1,6 @@
 //! Triangulation: exact views, the least-squares minimum, consistency by Monte Carlo, every refusal with its value.
 
-mod common;
-
-use common::{config, gauss, look_at, pinhole, see};
+use crate::common::{config, gauss, look_at, pinhole, see};
 use mono_geometry::linalg::cholesky;
 use mono_geometry::triangulation::{chi_square_quantile, linear, midpoint};
 use mono_geometry::{Acceptance, Mount, Observation, Rejection, Se2, Se3, triangulate};

@@ -7,7 +7,7 @@ use mono_geometry::calibration::{
 };
 use nalgebra::Vector2;
 
-const REFERENCE: &str = include_str!("reference/opencv_calibration.txt");
+const REFERENCE: &str = include_str!("../reference/opencv_calibration.txt");
 
 struct Case {
     views: Vec<CalibrationView>,

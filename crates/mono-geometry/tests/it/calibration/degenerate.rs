@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::scene::*;
+use super::scene::*;
 
 fn all_finite(calibration: &Calibration) -> bool {
     calibration

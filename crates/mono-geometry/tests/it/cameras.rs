@@ -444,7 +444,7 @@ fn val_opencv_three_lens_models() {
         other => panic!("no lens {other}"),
     };
     let (mut projected, mut undistorted) = (0, 0);
-    for line in include_str!("reference/opencv_cameras.csv").lines() {
+    for line in include_str!("../reference/opencv_cameras.csv").lines() {
         let mut fields = line.split(',');
         let kind = fields.next().unwrap();
         let lens = lens(fields.next().unwrap());

@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::scene::*;
+use super::scene::*;
 
 #[test]
 fn noise_free_corners_give_the_camera_back() {

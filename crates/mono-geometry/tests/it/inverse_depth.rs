@@ -1,10 +1,8 @@
 //! Inverse depth: Jacobians against central differences, conversion by Monte Carlo, agreement with triangulation.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{config, gauss, look_at, pinhole, see};
+use crate::common::{config, gauss, look_at, pinhole, see};
 use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, first_sighting, refine};
 use mono_geometry::linalg::cholesky;
 use mono_geometry::{

@@ -4,8 +4,8 @@ use mono_geometry::{Camera, Distortion, Pinhole};
 use nalgebra::{DVector, Vector2, Vector3};
 use proptest::prelude::*;
 
-use crate::config;
-use crate::dual::Dual;
+use super::dual::Dual;
+use crate::common::config;
 
 fn pinhole() -> Pinhole {
     Pinhole {

@@ -9,11 +9,8 @@ use nalgebra::{DVector, Matrix3, SMatrix, SVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-#[path = "common/bundle.rs"]
-mod common;
-
-use common::wall_run::{self, Simulated, WallRun, pinhole};
-use common::{observe, require_gauge_error, small, solved};
+use crate::common::bundle::{observe, require_gauge_error, small, solved};
+use crate::common::wall_run::{self, Simulated, WallRun, pinhole};
 
 /// Rectified stereo: depth from the disparity, v the mean of the two, the cost what is left of their difference.
 #[test]

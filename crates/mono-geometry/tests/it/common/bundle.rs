@@ -4,10 +4,7 @@ use mono_geometry::bundle::{BundlePose, Options, PixelObservation, Problem, adju
 use mono_geometry::{GeometryError, RobustLoss};
 use nalgebra::Vector2;
 
-#[path = "wall_run.rs"]
-pub(crate) mod wall_run;
-
-use wall_run::WallRun;
+use super::wall_run::WallRun;
 
 pub(crate) fn small(seed: u64) -> WallRun {
     WallRun {

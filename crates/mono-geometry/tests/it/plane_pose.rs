@@ -1,9 +1,6 @@
 //! Homographies between two views: motion and plane recovered, robust runs, degenerate motions.
 
-#[expect(dead_code, reason = "shared by several test files")]
-mod common;
-
-use common::{config, gauss};
+use crate::common::{config, gauss};
 use mono_geometry::epipolar::Correspondence;
 use mono_geometry::epipolar::four_point::{FourPoint, HomographyScorer};
 use mono_geometry::epipolar::plane_pose::plane_poses;

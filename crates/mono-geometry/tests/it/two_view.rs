@@ -1,8 +1,6 @@
 //! The optimal correction of a match: against the polynomial of Hartley and Sturm, near epipoles, and as a triangulation.
 
-mod common;
-
-use common::{config, gauss, look_at, pinhole, see};
+use crate::common::{config, gauss, look_at, pinhole, see};
 use mono_geometry::triangulation::{NoCorrection, correct_match, triangulate_two_views};
 use mono_geometry::{Acceptance, EpipolarPair, Mount, Rejection, Se2, Se3, triangulate};
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};

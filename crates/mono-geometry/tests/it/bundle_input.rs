@@ -6,11 +6,8 @@ use mono_geometry::bundle::{
 use mono_geometry::{GeometryError, Mount, RobustLoss, Se2, Se3, so3};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-#[path = "common/bundle.rs"]
-mod common;
-
-use common::wall_run::{self, pinhole};
-use common::{observe, require_gauge_error, small, solved};
+use crate::common::bundle::{observe, require_gauge_error, small, solved};
+use crate::common::wall_run::{self, pinhole};
 
 #[test]
 fn landmarks_with_too_little_information_are_counted_and_do_no_harm() {
@@ -264,7 +261,7 @@ fn check_reference<P: BundlePose<D>, const D: usize>(
 
 #[test]
 fn val_scipy_cost_and_poses_agree() {
-    let text = include_str!("reference/bundle_scipy.csv");
+    let text = include_str!("../reference/bundle_scipy.csv");
     let mut problems: Vec<Reference<'_>> = Vec::new();
     for line in text.lines().filter(|l| !l.starts_with('#')) {
         let (name, rest) = line.split_once(',').expect("a name");

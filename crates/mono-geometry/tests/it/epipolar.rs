@@ -1,8 +1,6 @@
 //! Epipolar geometry: closed forms, exact matches, the distribution of the Sampson distance, no baseline.
 
-mod common;
-
-use common::{config, gauss, look_at, pinhole, see};
+use crate::common::{config, gauss, look_at, pinhole, see};
 use mono_geometry::epipolar::scorer::SampsonScorer;
 use mono_geometry::epipolar::{Correspondence, essential, fundamental};
 use mono_geometry::linalg::svd3;

@@ -7,9 +7,9 @@ use mono_geometry::{Homography, InverseDepthPoint, Pinhole, PlacedCamera, Se3, s
 use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 
-use crate::config;
-use crate::dual::{Dual, exponential, product};
-use crate::groups::{hat3, hat6};
+use super::dual::{Dual, exponential, product};
+use super::groups::{hat3, hat6};
+use crate::common::config;
 
 /// Far below what a wrong term leaves, far above the rounding of a few dozen operations.
 const ROUNDING: f64 = 1e-12;

@@ -10,10 +10,7 @@
 //! -z (1 + r z), of mean -r. At 20 000 trials the bands are 3 +- 0.078 and 0 +- 0.032 (4.5 standard errors): r = 0.22, 0.11,
 //! 0.055 at 0.5, 1, 2 degrees leaves the first at 0.5 and the second at all three.
 
-#[expect(dead_code, reason = "shared by tests that need different parts")]
-mod common;
-
-use common::{gauss, look_at, pinhole, see};
+use crate::common::{gauss, look_at, pinhole, see};
 use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
 use mono_geometry::linalg::cholesky;
 use mono_geometry::triangulation::triangulate_two_views;

@@ -1,10 +1,7 @@
 //! Perspective-n-point: exact poses of three points in nasty configurations, refinement and its covariance, points without
 //! a start, points among wrong matches.
 
-#[expect(dead_code, reason = "shared by tests that need different parts")]
-mod common;
-
-use common::{config, gauss, look_at, pinhole};
+use crate::common::{config, gauss, look_at, pinhole};
 use mono_geometry::linalg::{cholesky, svd};
 use mono_geometry::pnp::{
     Correspondence, NoPose, RefineOptions, RobustPoseOptions, Termination, estimate_pose,

@@ -1,9 +1,6 @@
 //! Planar motion of a mounted camera: two points, one point on an arc, degenerate motions, derivatives.
 
-#[expect(dead_code, reason = "shared by several test files")]
-mod common;
-
-use common::{config, gauss};
+use crate::common::{config, gauss};
 use mono_geometry::epipolar::planar_motion::{
     ArcOnePoint, PlanarMotion, PlanarTwoPoint, arc_from_one, planar_from_two,
 };
@@ -235,7 +232,7 @@ fn degenerate_motions_and_samples_give_no_model() {
 #[test]
 fn robust_runs_need_few_trials_and_the_covariance_is_honest() {
     let mount = sideways();
-    let camera = common::pinhole();
+    let camera = crate::common::pinhole();
     let sigma_px = 0.5;
     let sigma = Vector2::new(sigma_px / camera.fx, sigma_px / camera.fy);
     let scorer = SampsonScorer::normalized(&camera, sigma_px);

@@ -1,10 +1,7 @@
 //! Numbers of OpenCV 5.0.0 (`reference/opencv_structure.py`): all poses of three points, poses of many, corrected matches
 //! and their points; and of scipy 1.17.1, the points of least reprojection error.
 
-#[expect(dead_code, reason = "shared by tests that need different parts")]
-mod common;
-
-use common::pinhole;
+use crate::common::pinhole;
 use mono_geometry::epipolar::fundamental;
 use mono_geometry::pnp::{Correspondence, RefineOptions, estimate_pose, p3p};
 use mono_geometry::triangulation::{Correction, correct_match, triangulate_two_views};
@@ -13,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 
 /// The rows of one kind.
 fn rows(kind: &str) -> Vec<Vec<f64>> {
-    include_str!("reference/opencv_structure.csv")
+    include_str!("../reference/opencv_structure.csv")
         .lines()
         .filter_map(|line| line.strip_prefix(kind)?.strip_prefix(','))
         .map(|line| line.split(',').map(|v| v.parse().expect("valid")).collect())

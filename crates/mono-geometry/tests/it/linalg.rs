@@ -220,7 +220,7 @@ fn bad_shapes_and_numbers_are_errors() {
     assert!((null.vector.norm() - 1.0).abs() < 1e-15);
 }
 /// Exact zeros stay zeros: the first vanishing singular value is rounding error of the size of a few eps, for every
-/// shape. faer's own path for tall matrices leaves up to 58 eps (20x6) and 15 eps (10x4) on these very inputs.
+/// shape.
 #[test]
 fn rank_deficient_shapes_keep_their_zeros() {
     for (rows, columns) in [
@@ -262,4 +262,55 @@ fn rank_deficient_shapes_keep_their_zeros() {
             }
         }
     }
+}
+
+/// The sizes that calibration and bundles reach, and more: errors by the size, not by the spread of the spectrum.
+#[test]
+fn large_shapes_and_wide_spectra() {
+    for (rows, columns) in [(60, 13), (13, 60), (90, 40), (150, 150)] {
+        let size = rows.min(columns);
+        for (kind, seed) in [(0, 7), (1, 8), (2, 9), (3, 10)] {
+            let spectrum: Vec<f64> = (0..size)
+                .map(|k| match kind {
+                    0 => 1.0 - 0.5 * k as f64 / size as f64,
+                    1 => 10.0_f64.powf(-20.0 * k as f64 / size as f64),
+                    2 if k < size / 2 => 1.0,
+                    2 => 0.0,
+                    _ => f64::from(u8::try_from(k % 3).expect("below 3")) + 1.0,
+                })
+                .collect();
+            let mut sorted = spectrum.clone();
+            sorted.sort_by(|a, b| b.total_cmp(a));
+            let (matrix, _) = with_spectrum(rows, columns, &spectrum, seed);
+            let d = svd(&matrix).unwrap();
+            let rebuilt = &d.u * DMatrix::from_diagonal(&d.singular_values) * d.v.transpose();
+            let unit = f64::EPSILON * sorted[0];
+            let error = (rebuilt - &matrix).norm() / unit;
+            let u = (d.u.transpose() * &d.u - DMatrix::identity(size, size)).norm() / f64::EPSILON;
+            let v = (d.v.transpose() * &d.v - DMatrix::identity(size, size)).norm() / f64::EPSILON;
+            let values = (0..size)
+                .map(|k| (d.singular_values[k] - sorted[k]).abs() / unit)
+                .fold(0.0, f64::max);
+            println!(
+                "{rows}x{columns} kind {kind}: A {error:.0} U {u:.0} V {v:.0} s {values:.0} eps"
+            );
+            let bound = 20.0 * size as f64;
+            assert!(error < bound && u < bound && v < bound && values < bound);
+        }
+    }
+}
+
+/// One-sided Jacobi finds small singular values of a badly scaled matrix to full relative precision: A = B D with B well
+/// conditioned. A method that is only backward stable is off by eps times the largest one.
+#[test]
+fn small_singular_values_of_scaled_columns_are_relatively_exact() {
+    let (b, _) = with_spectrum(12, 12, &[1.0; 12], 3);
+    // With orthonormal B the singular values are the scales.
+    let scales = DVector::from_fn(12, |k, _| 10.0_f64.powi(-(13 * k as i32) / 2));
+    let d = svd(&(b * DMatrix::from_diagonal(&scales))).unwrap();
+    for k in 0..12 {
+        let relative = d.singular_values[k] / scales[k] - 1.0;
+        assert!(relative.abs() < 1e-14, "{k}: {relative}");
+    }
+    assert_eq!(d.rank(), 3);
 }
