@@ -9,10 +9,9 @@
 use crate::board::{SetSpec, write_set};
 use crate::scene::{Scene, SceneSpec};
 use anyhow::{Context, ensure};
+use mono_slam::run::run_sequence;
+use slam_io::{Sequence, write_run};
 use slam_pipeline::config::Config;
-use slam_pipeline::output::write_run;
-use slam_pipeline::run::run_sequence;
-use slam_pipeline::sequence::Sequence;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -109,7 +108,7 @@ fn wall(folder: &Path) -> anyhow::Result<()> {
     let config = Config::default().check()?;
     let record = run_sequence(&Sequence::open(folder)?, &config, &|| 0.0, &mut |_| {})?;
     let whole = folder.join("run");
-    write_run(&record, &whole)?;
+    write_run(&record, &whole, &[])?;
     let golden = folder.join("golden");
     fs::create_dir_all(&golden)?;
     for name in GOLDEN {

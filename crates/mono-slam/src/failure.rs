@@ -3,11 +3,10 @@
 use std::fmt;
 use std::io::{self, Write as _};
 
-use slam_pipeline::calibrate::CalibrateError;
-use slam_pipeline::evaluation::EvaluationError;
-use slam_pipeline::output::OutputError;
-use slam_pipeline::run::RunError;
-use slam_pipeline::sequence::SequenceError;
+use camera_calibration::CalibrateError;
+use mono_slam::run::RunError;
+use slam_io::{OutputError, SequenceError};
+use trajectory_eval::EvaluationError;
 
 /// A failed command.
 #[derive(Debug)]

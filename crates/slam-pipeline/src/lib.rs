@@ -8,20 +8,16 @@
 //! Reading order: [`slam`] (the frame loop), [`filter`] (the estimator),
 //! [`frontend`] (keypoints to landmarks), then what surrounds them.
 
-pub mod calibrate;
-pub mod checkerboard;
 pub mod config;
-pub mod evaluation;
+mod features;
 pub mod filter;
 pub mod frontend;
 pub mod odometry;
-pub mod output;
 pub mod record;
-pub mod report;
-pub mod run;
-pub mod sequence;
 pub mod slam;
 pub mod stopwatch;
+
+pub use features::detector_of;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

@@ -50,7 +50,7 @@ pub use absolute::{AbsoluteError, MatchedError, absolute_error};
 pub use alignment::{Alignment, Similarity};
 pub use associate::associate;
 pub use error::EvaluationError;
-pub use pose::StampedPose;
+pub use pose::{StampedPose, spatial};
 pub use relative::{RelativeError, relative_error};
 pub use statistics::Statistics;
 

@@ -1,5 +1,6 @@
 //! A pose with its time, in space or in the plane.
 
+use estimation_base::Se2;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 /// A pose with its time.
@@ -22,4 +23,14 @@ impl StampedPose {
             ),
         }
     }
+}
+
+/// Planar poses, (time in seconds, pose), as poses in space with height zero.
+pub fn spatial<P: Copy + Into<Se2>>(path: &[(f64, P)]) -> Vec<StampedPose> {
+    path.iter()
+        .map(|&(t_s, pose)| {
+            let Se2 { x, y, phi } = pose.into();
+            StampedPose::planar(t_s, x, y, phi)
+        })
+        .collect()
 }

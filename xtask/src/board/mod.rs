@@ -11,9 +11,9 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Context;
+use camera_calibration::BoardSize;
 use image::GrayImage;
 use mono_geometry::{Camera, Distortion, GeometryError, Pinhole};
-use slam_pipeline::checkerboard::BoardSize;
 
 pub use pose::poses;
 pub use render::{Look, Picture, Renderer};

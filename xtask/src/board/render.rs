@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use slam_pipeline::sequence::GreyImage;
+use slam_io::GreyImage;
 use std::f64::consts::TAU;
 
 use super::Board;

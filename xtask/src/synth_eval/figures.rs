@@ -6,7 +6,7 @@ use super::statistics::Interval;
 use super::summary::{Line, Summary};
 use super::trial::Trial;
 use slam_pipeline::record::PlanarPose;
-use slam_pipeline::report::plot::{Colour, Layer, Plot};
+use slam_report::{Colour, Layer, Plot};
 use std::fmt::Write as _;
 
 /// Width of a panel, pixels.

@@ -2,9 +2,9 @@
 
 use super::recording::Recording;
 use nalgebra::{Matrix3, Point3, Vector3};
-use slam_pipeline::evaluation::Statistics;
 use slam_pipeline::record::{LandmarkRecord, PlanarPose};
 use std::f64::consts::{PI, TAU};
+use trajectory_eval::Statistics;
 
 /// Standard deviation added to every claimed position, metres, and heading, radians: a set of
 /// particles that collapsed on one claims certainty, for which the NEES would be infinite.

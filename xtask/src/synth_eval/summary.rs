@@ -7,9 +7,9 @@ use super::trial::Row;
 use anyhow::ensure;
 use serde::Serialize;
 use serde_json::json;
-use slam_pipeline::evaluation::Statistics;
 use std::fmt::Write as _;
 use std::fs;
+use trajectory_eval::Statistics;
 
 /// Means over the seeds of one estimator.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -6,12 +6,11 @@ use super::recording::{Recording, camera_file};
 use anyhow::Context;
 use nalgebra::Matrix3;
 use serde::Serialize;
-use slam_pipeline::evaluation::Statistics;
 use slam_pipeline::odometry::Odometer;
 use slam_pipeline::record::{LandmarkRecord, PlanarPose};
-use slam_pipeline::run::camera_of;
 use slam_pipeline::slam::{FrameInput, Slam};
 use std::time::Instant;
+use trajectory_eval::Statistics;
 
 /// One line of `results.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -133,7 +132,7 @@ pub fn run(estimator: Estimator, recording: &Recording) -> anyhow::Result<Trial>
 fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> {
     let spec = recording.scene.spec();
     let config = estimator.config(spec.seed, &spec.odometry).check()?;
-    let (camera, mount) = camera_of(&camera_file())?;
+    let (camera, mount) = camera_file().camera_and_mount()?;
     let body_from_camera = mount.body_from_camera;
     let mut slam = Slam::new(
         camera,

@@ -1,6 +1,6 @@
 //! Bias and standard deviation of the corners against rendered truth, and whether a corner knows its own error.
 
-use slam_pipeline::checkerboard::find_board;
+use camera_calibration::find_board;
 use xtask::board::{Look, poses};
 
 use crate::common::{BOARD, camera, pictures, renderer};

@@ -1,15 +1,12 @@
 //! From rendered images to a camera within its own covariance, and the files the command writes.
 
+use camera_calibration::{CalibrateError, CalibrationRun, CalibrationSettings, Outcome};
 use mono_geometry::calibration::LensModel;
+use mono_slam::calibrate::calibrate_files;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use slam_pipeline::calibrate::{
-    CalibrateError, CalibrationRun, CalibrationSettings, Outcome, calibrate_images, camera_toml,
-    image_files,
-};
-use slam_pipeline::report::render_calibration_html;
-use slam_pipeline::run::camera_of;
-use slam_pipeline::sequence::{read_calibration, read_grey};
+use slam_io::{camera_toml, image_files, read_calibration, read_grey};
+use slam_report::render_calibration_html;
 use std::path::PathBuf;
 use xtask::board::{Renderer, SetSpec, poses};
 
@@ -44,7 +41,7 @@ fn fixture() -> PathBuf {
 
 fn calibrated(folder: &std::path::Path) -> CalibrationRun {
     let files = image_files(&[folder.join("images")]).unwrap();
-    calibrate_images(&files, &SETTINGS, &|| {}).unwrap()
+    calibrate_files(&files, &SETTINGS, &|| {}).unwrap()
 }
 
 /// Normalised squared error of the estimated camera parameters.
@@ -89,7 +86,7 @@ fn rendered_images_give_the_camera_within_its_own_covariance() {
                     file
                 })
                 .collect();
-            let run = calibrate_images(&files, &SETTINGS, &|| {}).unwrap();
+            let run = calibrate_files(&files, &SETTINGS, &|| {}).unwrap();
             assert_eq!(run.calibration.views.len(), 8, "seed {seed}");
             (
                 nees(&run, camera.parameters().as_slice()),
@@ -129,7 +126,9 @@ fn the_fixture_is_calibrated_the_same_on_any_number_of_threads() {
     let folder = Scratch::new("toml");
     let file = folder.0.join("camera.toml");
     std::fs::write(&file, &text).unwrap();
-    let read = camera_of(&read_calibration(&file, None, None).unwrap())
+    let read = read_calibration(&file, None, None)
+        .unwrap()
+        .camera_and_mount()
         .unwrap()
         .0;
     assert_eq!(read, run.calibration.camera);
@@ -184,7 +183,7 @@ fn images_that_do_not_serve_are_named_with_the_reason() {
         .save(&blank)
         .unwrap();
     files.extend([broken, other, blank, folder.0.join("missing.png")]);
-    let run = calibrate_images(&files, &SETTINGS, &|| {}).unwrap();
+    let run = calibrate_files(&files, &SETTINGS, &|| {}).unwrap();
     assert_eq!(run.calibration.views.len(), 8);
     let reasons: Vec<String> = run
         .images
@@ -200,7 +199,7 @@ fn images_that_do_not_serve_are_named_with_the_reason() {
     assert!(reasons[3].contains("cannot be read"), "{reasons:?}");
 
     let few = [files[0].clone(), files[1].clone(), files[10].clone()];
-    let error = calibrate_images(&few, &SETTINGS, &|| {}).unwrap_err();
+    let error = calibrate_files(&few, &SETTINGS, &|| {}).unwrap_err();
     assert!(matches!(
         error,
         CalibrateError::TooFewBoards {

@@ -1,8 +1,8 @@
 //! A board, a camera, pictures of them.
 
+use camera_calibration::BoardSize;
 use mono_geometry::{Camera, Se3, so3};
 use nalgebra::Vector3;
-use slam_pipeline::checkerboard::BoardSize;
 use std::sync::{Arc, OnceLock};
 use xtask::board::{Board, Look, Picture, Renderer, SetSpec, poses};
 

@@ -1,7 +1,7 @@
 //! Which boards are found, in which order, and why others are not.
 
-use slam_pipeline::checkerboard::{BoardSize, NotFound, find_board};
-use slam_pipeline::sequence::GreyImage;
+use camera_calibration::{BoardSize, NotFound, find_board};
+use slam_io::GreyImage;
 use xtask::board::{Board, Look, Picture};
 
 use crate::common::{BOARD, ahead, pictures, renderer, worst};

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use camera_calibration::CalibrationSettings;
 use mono_geometry::calibration::LensModel;
 use mono_geometry::{Camera, Distortion, Pinhole, Se3, so3};
+use mono_slam::calibrate::calibrate_files;
 use nalgebra::Vector3;
-use slam_pipeline::calibrate::{CalibrationSettings, calibrate_images, image_files};
+use slam_io::image_files;
 
 use crate::common::BOARD;
 
@@ -74,7 +76,7 @@ fn val_vamr_checkerboard_is_found_and_calibrated_as_given() {
         square_m: BOARD.square_m,
         model: LensModel::RadtanK3,
     };
-    let run = calibrate_images(&files, &settings, &|| {}).unwrap();
+    let run = calibrate_files(&files, &settings, &|| {}).unwrap();
     assert_eq!(run.calibration.views.len(), 40, "boards found in 40 images");
 
     // Corners against the projection of the given poses: 0.2 px is what the source's own corners leave.

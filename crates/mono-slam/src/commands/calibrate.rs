@@ -4,15 +4,12 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use camera_calibration::{BoardSize, CalibrationRun, CalibrationSettings};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use mono_geometry::calibration::LensModel;
-use slam_pipeline::calibrate::{
-    CalibrationRun, CalibrationSettings, calibrate_images, camera_toml, image_files,
-};
-use slam_pipeline::checkerboard::BoardSize;
-use slam_pipeline::output::write_file;
-use slam_pipeline::report::render_calibration_html;
-use slam_pipeline::sequence::read_grey;
+use mono_slam::calibrate::calibrate_files;
+use slam_io::{camera_toml, image_files, read_grey, write_file};
+use slam_report::render_calibration_html;
 
 use super::metres;
 use crate::failure::{Failure, print};
@@ -75,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         model: arguments.model.into(),
     };
     let bar = progress_bar(files.len());
-    let outcome = calibrate_images(&files, &settings, &|| bar.inc(1));
+    let outcome = calibrate_files(&files, &settings, &|| bar.inc(1));
     bar.finish_and_clear();
     let run = outcome?;
     let report = arguments

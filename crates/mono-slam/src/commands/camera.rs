@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use slam_pipeline::output::write_file;
-use slam_pipeline::run::camera_of;
-use slam_pipeline::sequence::{CameraFormat, calibration_text, read_calibration};
+use slam_io::{CameraFormat, calibration_text, read_calibration, write_file};
 
 use crate::failure::Failure;
 
@@ -63,7 +61,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.camera.as_deref(),
     )?;
     // What `run` would refuse is refused here.
-    camera_of(&calibration)
+    calibration
+        .camera_and_mount()
         .map_err(|error| Failure::input(format!("{}: {error}", arguments.input.display())))?;
     let text = calibration_text(&calibration, arguments.to.into())?;
     Ok(write_file(&arguments.out, text.as_bytes())?)

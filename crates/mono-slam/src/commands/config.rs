@@ -1,6 +1,6 @@
 //! `mono-slam config`: the default configuration with every key explained.
 
-use slam_pipeline::config::documented_toml;
+use slam_io::configuration::documented_toml;
 
 use crate::failure::{Failure, print};
 

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use serde_json::json;
-use slam_pipeline::evaluation::{
+use slam_io::read_tum;
+use trajectory_eval::{
     AbsoluteError, Alignment, RelativeError, Statistics, absolute_error, relative_error,
 };
-use slam_pipeline::sequence::read_tum;
 
 use super::{check_ate, metres};
 use crate::failure::{Failure, print};

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use slam_io::write_file;
 use slam_pipeline::config::Config;
-use slam_pipeline::output::write_file;
-use slam_pipeline::run::detector_of;
+use slam_pipeline::detector_of;
 use vision_sift::{Features, GrayImage, Workspace};
 
 use crate::failure::Failure;

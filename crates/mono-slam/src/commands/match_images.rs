@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use feature_kdtree::{AutoIndex, DescriptorIndex as _, Match, match_descriptors};
 use image::{GrayImage, Rgb, RgbImage};
-use slam_pipeline::output::write_file;
+use slam_io::write_file;
 use vision_sift::Features;
 
 use super::features::detect;

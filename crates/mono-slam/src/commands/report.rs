@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use slam_pipeline::output::rebuild_report;
+use slam_io::{read_run, write_file};
+use slam_report::render_run_html;
 
 use crate::failure::Failure;
 
@@ -16,5 +17,9 @@ pub(crate) struct Arguments {
 
 /// Draws the page; says nothing on success.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    Ok(rebuild_report(&arguments.dir)?)
+    let page = render_run_html(&read_run(&arguments.dir)?);
+    Ok(write_file(
+        &arguments.dir.join("report.html"),
+        page.as_bytes(),
+    )?)
 }

@@ -6,12 +6,11 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use mono_slam::run::{Progress, run_sequence};
+use slam_io::{RunRecord, Sequence, configuration, write_run};
 use slam_pipeline::config::{Config, Method, ValidConfig};
-use slam_pipeline::evaluation::{Alignment, absolute_error, spatial};
-use slam_pipeline::output::write_run;
-use slam_pipeline::record::RunRecord;
-use slam_pipeline::run::{Progress, run_sequence};
-use slam_pipeline::sequence::Sequence;
+use slam_report::render_run_html;
+use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use super::{check_ate, metres};
 use crate::failure::Failure;
@@ -63,7 +62,7 @@ enum MethodName {
 
 /// Runs and writes the results.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let config = configuration(arguments)?;
+    let config = settings(arguments)?;
     let sequence = Sequence::open(&arguments.sequence)?;
     if arguments.max_ate.is_some() && sequence.reference.is_none() {
         return Err(Failure::input(format!(
@@ -76,7 +75,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let reporter = Reporter::new(arguments.quiet, sequence.images.len());
     let record = run_sequence(&sequence, &config, &clock, &mut |p| reporter.report(p))?;
     reporter.finish();
-    write_run(&record, &arguments.out)?;
+    let page = render_run_html(&record).into_bytes();
+    write_run(&record, &arguments.out, &[("report.html", page)])?;
     let ate = ate_m(&record)?;
     if !arguments.quiet {
         tell(&summary(&record, ate, &arguments.out.display().to_string()));
@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn configuration(arguments: &Arguments) -> Result<ValidConfig, Failure> {
+fn settings(arguments: &Arguments) -> Result<ValidConfig, Failure> {
     let mut config = match &arguments.config {
         None => Config::default(),
         Some(path) => {
@@ -97,7 +97,7 @@ fn configuration(arguments: &Arguments) -> Result<ValidConfig, Failure> {
                     path.display()
                 ))
             })?;
-            Config::from_toml_str(&text)
+            configuration::from_toml(&text)
                 .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
         }
     };

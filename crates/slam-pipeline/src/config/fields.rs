@@ -33,51 +33,81 @@ pub struct Field {
     pub unit: &'static str,
     /// Values allowed.
     pub range: Range,
-    /// What it does, in one line.
+    /// Its effect, in one line.
     pub reason: &'static str,
+    value: fn(&Config) -> Value,
+}
+
+/// The value of one key.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Value {
+    Name(&'static str),
+    Integer(u64),
+    /// Shown with the digits of an `f32`.
+    Short(f32),
+    Number(f64),
+}
+
+impl From<u32> for Value {
+    fn from(value: u32) -> Self {
+        Self::Integer(value.into())
+    }
+}
+
+impl From<u64> for Value {
+    fn from(value: u64) -> Self {
+        Self::Integer(value)
+    }
+}
+
+impl From<f32> for Value {
+    fn from(value: f32) -> Self {
+        Self::Short(value)
+    }
+}
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+impl fmt::Display for Value {
+    /// The value as TOML writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = match self {
+            Self::Name(name) => return write!(f, "\"{name}\""),
+            Self::Integer(value) => return write!(f, "{value}"),
+            Self::Short(value) => value.to_string(),
+            Self::Number(value) => value.to_string(),
+        };
+        // A float keeps its point.
+        let point = if text.contains(['.', 'e', 'n', 'i']) {
+            ""
+        } else {
+            ".0"
+        };
+        write!(f, "{text}{point}")
+    }
 }
 
 impl Field {
-    fn value(&self, config: &Config) -> Option<toml::Value> {
-        let table = toml::Table::try_from(config).ok()?;
-        table.get(self.section)?.get(self.key).cloned()
-    }
-
     /// The value as TOML text.
     #[must_use]
     pub fn value_text(&self, config: &Config) -> String {
-        match self.value(config) {
-            // f32 keys print their shortest form, not their f64 expansion.
-            Some(toml::Value::Float(v)) => {
-                let short = v as f32;
-                let text = if f64::from(short) == v {
-                    short.to_string()
-                } else {
-                    v.to_string()
-                };
-                if text.contains(['.', 'e', 'n', 'i']) {
-                    text
-                } else {
-                    format!("{text}.0")
-                }
-            }
-            Some(v) => v.to_string(),
-            None => String::new(),
-        }
+        (self.value)(config).to_string()
     }
 
     pub(super) fn check(&self, config: &Config) -> Result<(), ConfigError> {
-        let Some(value) = self.value(config) else {
-            return Ok(());
+        let number = match (self.value)(config) {
+            Value::Name(_) => return Ok(()),
+            Value::Integer(value) => value as f64,
+            Value::Short(value) => value.into(),
+            Value::Number(value) => value,
         };
-        let number = match &value {
-            toml::Value::Integer(i) => Some(*i as f64),
-            toml::Value::Float(v) => Some(*v),
-            _ => None,
-        };
-        match (self.range, number) {
+        match self.range {
             // A NaN is in no range.
-            (Range::Between(low, high), Some(v)) if !(v >= low && v <= high) => {
+            Range::Between(low, high) if !(number >= low && number <= high) => {
                 Err(ConfigError::OutOfRange {
                     key: format!("{}.{}", self.section, self.key),
                     value: self.value_text(config),
@@ -96,6 +126,7 @@ const fn field(
     low: f64,
     high: f64,
     reason: &'static str,
+    value: fn(&Config) -> Value,
 ) -> Field {
     Field {
         section,
@@ -103,6 +134,7 @@ const fn field(
         unit,
         range: Range::Between(low, high),
         reason,
+        value,
     }
 }
 
@@ -114,6 +146,7 @@ pub const FIELDS: &[Field] = &[
         unit: "",
         range: Range::OneOf(&["\"novel\"", "\"paper\"", "\"conventional\""]),
         reason: "which filter runs: the paper's made exact, as printed, or the conventional one",
+        value: |c| Value::Name(c.filter.method.name()),
     },
     field(
         "filter",
@@ -122,8 +155,17 @@ pub const FIELDS: &[Field] = &[
         1.0,
         100_000.0,
         "hypotheses about the path; more cost proportionally more time",
+        |c| c.filter.particles.into(),
     ),
-    field("filter", "seed", "", 0.0, 9.2e18, "same seed, same bytes"),
+    field(
+        "filter",
+        "seed",
+        "",
+        0.0,
+        9.2e18,
+        "same seed, same bytes",
+        |c| c.filter.seed.into(),
+    ),
     field(
         "filter",
         "threads",
@@ -131,6 +173,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1024.0,
         "0 takes all cores; results do not depend on it",
+        |c| c.filter.threads.into(),
     ),
     field(
         "filter",
@@ -139,6 +182,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "resample when N_eff falls below (II.C)",
+        |c| c.filter.resampling_threshold.into(),
     ),
     field(
         "filter",
@@ -147,6 +191,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1000.0,
         "evolution steps after a resampling (II.D)",
+        |c| c.filter.evolution_steps.into(),
     ),
     field(
         "filter",
@@ -155,6 +200,7 @@ pub const FIELDS: &[Field] = &[
         1.0,
         20.0,
         "linearisations of the pose proposal",
+        |c| c.filter.iterations.into(),
     ),
     field(
         "odometry",
@@ -163,6 +209,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "white noise of v in each odometry row",
+        |c| c.odometry.velocity_noise_ratio.into(),
     ),
     field(
         "odometry",
@@ -171,6 +218,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         10.0,
         "white noise of v in each row at standstill",
+        |c| c.odometry.velocity_noise_mps.into(),
     ),
     field(
         "odometry",
@@ -179,6 +227,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "white noise of omega in each odometry row",
+        |c| c.odometry.turn_noise_ratio.into(),
     ),
     field(
         "odometry",
@@ -187,6 +236,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         10.0,
         "white noise of omega in each row when driving straight",
+        |c| c.odometry.turn_noise_radps.into(),
     ),
     field(
         "odometry",
@@ -195,6 +245,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "sideways motion the wheels do not tell, in each row; a camera yawed by an error of its mount looks the same",
+        |c| c.odometry.slip_ratio.into(),
     ),
     field(
         "odometry",
@@ -203,6 +254,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         0.5,
         "constant error of the wheel radius; no sensor here sees it, the covariance carries it",
+        |c| c.odometry.scale_bias.into(),
     ),
     field(
         "carrier",
@@ -211,6 +263,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         0.2,
         "roll and pitch of the carrier; 0 for a strictly planar one",
+        |c| c.carrier.tilt_sigma.into(),
     ),
     field(
         "carrier",
@@ -219,6 +272,7 @@ pub const FIELDS: &[Field] = &[
         0.001,
         1000.0,
         "time in which roll and pitch are forgotten",
+        |c| c.carrier.tilt_time_s.into(),
     ),
     field(
         "carrier",
@@ -227,6 +281,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         0.5,
         "height change per distance driven; 0 for a flat floor",
+        |c| c.carrier.slope_sigma.into(),
     ),
     field(
         "carrier",
@@ -235,6 +290,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         0.5,
         "drift of the map's scale, renewed by odometry",
+        |c| c.carrier.scale_drift.into(),
     ),
     field(
         "carrier",
@@ -243,6 +299,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         0.2,
         "scale uncertainty at the start; 0 freezes the scale (paper)",
+        |c| c.carrier.scale_sigma.into(),
     ),
     field(
         "features",
@@ -251,6 +308,7 @@ pub const FIELDS: &[Field] = &[
         10.0,
         100_000.0,
         "strongest keypoints kept in a frame",
+        |c| c.features.max_keypoints.into(),
     ),
     field(
         "features",
@@ -259,6 +317,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "SIFT contrast threshold; lower finds more",
+        |c| c.features.contrast_threshold.into(),
     ),
     field(
         "features",
@@ -267,6 +326,7 @@ pub const FIELDS: &[Field] = &[
         1.0,
         1000.0,
         "SIFT limit on the ratio of principal curvatures",
+        |c| c.features.edge_ratio.into(),
     ),
     field(
         "features",
@@ -275,6 +335,7 @@ pub const FIELDS: &[Field] = &[
         0.01,
         20.0,
         "noise of a keypoint's coordinates",
+        |c| c.features.sigma_px.into(),
     ),
     field(
         "association",
@@ -283,6 +344,7 @@ pub const FIELDS: &[Field] = &[
         0.1,
         1.0,
         "nearest over second nearest descriptor (Eq. 21)",
+        |c| c.association.ratio.into(),
     ),
     field(
         "association",
@@ -291,6 +353,7 @@ pub const FIELDS: &[Field] = &[
         1.0,
         1000.0,
         "largest squared normalised innovation of a match",
+        |c| c.association.gate.into(),
     ),
     field(
         "association",
@@ -299,6 +362,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1000.0,
         "largest descriptor distance where a landmark is predicted",
+        |c| c.association.guided_distance.into(),
     ),
     field(
         "association",
@@ -307,6 +371,7 @@ pub const FIELDS: &[Field] = &[
         0.1,
         1.0,
         "the ratio test among keypoints in a landmark's gate",
+        |c| c.association.guided_ratio.into(),
     ),
     field(
         "association",
@@ -315,6 +380,7 @@ pub const FIELDS: &[Field] = &[
         0.0001,
         0.9,
         "wrong matches the likelihood allows for",
+        |c| c.association.outlier_share.into(),
     ),
     field(
         "association",
@@ -323,6 +389,7 @@ pub const FIELDS: &[Field] = &[
         4.0,
         100_000.0,
         "matches that weigh particles; the rest only update the map",
+        |c| c.association.max_scored.into(),
     ),
     field(
         "mapping",
@@ -331,6 +398,7 @@ pub const FIELDS: &[Field] = &[
         0.001,
         1000.0,
         "nearest depth a new landmark is expected at",
+        |c| c.mapping.min_depth_m.into(),
     ),
     field(
         "mapping",
@@ -339,6 +407,7 @@ pub const FIELDS: &[Field] = &[
         0.001,
         1.0,
         "above it a depth is open and scored across its epipolar line only",
+        |c| c.mapping.open_depth.into(),
     ),
     field(
         "mapping",
@@ -347,6 +416,7 @@ pub const FIELDS: &[Field] = &[
         0.0001,
         1.0,
         "parallax of a two-view start (paper, conventional)",
+        |c| c.mapping.min_parallax.into(),
     ),
     field(
         "mapping",
@@ -355,6 +425,7 @@ pub const FIELDS: &[Field] = &[
         1.0,
         1000.0,
         "keyframes a feature waits for its second sighting",
+        |c| c.mapping.tentative_keyframes.into(),
     ),
     field(
         "mapping",
@@ -363,6 +434,7 @@ pub const FIELDS: &[Field] = &[
         1.0,
         100_000.0,
         "features started in one keyframe",
+        |c| c.mapping.max_new.into(),
     ),
     field(
         "keyframes",
@@ -371,6 +443,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1000.0,
         "median image motion that makes a filter step; 0 steps every frame",
+        |c| c.keyframes.min_flow_px.into(),
     ),
     field(
         "keyframes",
@@ -379,6 +452,7 @@ pub const FIELDS: &[Field] = &[
         0.0,
         1.0,
         "a step is made when matches fall below this share of the last step's",
+        |c| c.keyframes.min_overlap.into(),
     ),
     field(
         "keyframes",
@@ -387,5 +461,6 @@ pub const FIELDS: &[Field] = &[
         1.0,
         100_000.0,
         "a step is made after so many frames at the latest",
+        |c| c.keyframes.max_gap.into(),
     ),
 ];

@@ -1,9 +1,8 @@
-//! The configuration of a run: one TOML, every key with a default.
+//! The configuration of a run: every setting with a default.
 //!
-//! [`Config`] is plain data as written; [`Config::check`] turns it into a
-//! [`ValidConfig`] once, against the ranges of [`FIELDS`]. Unknown keys are
-//! errors of the reader. [`documented_toml`] prints every key with its unit,
-//! range and reason; the same table drives the check, so the two cannot differ.
+//! [`Config`] is plain data; [`Config::check`] turns it into a [`ValidConfig`] once, against the
+//! ranges of [`FIELDS`], the table of all keys with unit, range and reason. `slam-io` reads and
+//! writes it as TOML and documents it from the same table, so that check and documentation agree.
 
 mod fields;
 
@@ -258,12 +257,6 @@ impl Default for KeyframesSection {
 /// A configuration that was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ConfigError {
-    /// Not TOML, a wrong type, or an unknown key.
-    #[error("configuration: {message}")]
-    Syntax {
-        /// What the reader said, with line and column.
-        message: String,
-    },
     /// A value outside its range.
     #[error("configuration: {key} is {value}, expected {range}")]
     OutOfRange {
@@ -288,23 +281,6 @@ impl core::ops::Deref for ValidConfig {
 }
 
 impl Config {
-    /// Reads TOML text; keys that are missing take their defaults.
-    ///
-    /// # Errors
-    /// [`ConfigError::Syntax`] naming line and key.
-    pub fn from_toml_str(text: &str) -> Result<Self, ConfigError> {
-        toml::from_str(text).map_err(|e: toml::de::Error| ConfigError::Syntax {
-            message: syntax_message(text, &e),
-        })
-    }
-
-    /// The configuration as TOML text without comments.
-    #[must_use]
-    pub fn to_toml(&self) -> String {
-        // Plain numbers and names always serialise.
-        toml::to_string(self).unwrap_or_default()
-    }
-
     /// Checks every value against its range.
     ///
     /// # Errors
@@ -317,67 +293,9 @@ impl Config {
     }
 }
 
-fn syntax_message(text: &str, error: &toml::de::Error) -> String {
-    let line = error
-        .span()
-        .map(|s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-    match line {
-        Some(line) => format!("line {line}: {}", error.message()),
-        None => error.message().to_owned(),
-    }
-}
-
-/// The default configuration with every key explained.
-#[must_use]
-pub fn documented_toml() -> String {
-    let mut out = String::from(
-        "# Every key with its default, unit and range. Delete what you do not change.\n",
-    );
-    let defaults = Config::default();
-    let mut section = "";
-    for field in FIELDS {
-        if field.section != section {
-            section = field.section;
-            out.push_str(&format!("\n[{section}]\n"));
-        }
-        let unit = if field.unit.is_empty() {
-            String::new()
-        } else {
-            format!(" [{}]", field.unit)
-        };
-        out.push_str(&format!(
-            "# {}{unit}; {}\n{} = {}\n",
-            field.reason,
-            field.range,
-            field.key,
-            field.value_text(&defaults)
-        ));
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn documented_text_is_the_default_and_complete() {
-        let read = Config::from_toml_str(&documented_toml()).unwrap();
-        assert_eq!(read, Config::default());
-        let table: toml::Table = toml::from_str(&Config::default().to_toml()).unwrap();
-        let keys: usize = table.values().map(|s| s.as_table().unwrap().len()).sum();
-        assert_eq!(keys, FIELDS.len(), "every key is documented and checked");
-    }
-
-    #[test]
-    fn unknown_key_is_named_with_its_line() {
-        let error = Config::from_toml_str("[filter]\nparticels = 3\n").unwrap_err();
-        let text = error.to_string();
-        assert!(
-            text.contains("line 2") && text.contains("particels"),
-            "{text}"
-        );
-    }
 
     #[test]
     fn out_of_range_names_key_value_and_range() {
@@ -388,11 +306,26 @@ mod tests {
             text.contains("filter.particles") && text.contains("is 0"),
             "{text}"
         );
-        let text = Config::from_toml_str("[features]\nsigma_px = nan")
-            .unwrap()
-            .check()
-            .unwrap_err()
-            .to_string();
+        let mut config = Config::default();
+        config.features.sigma_px = f64::NAN;
+        let text = config.check().unwrap_err().to_string();
         assert!(text.contains("features.sigma_px"), "{text}");
+    }
+
+    #[test]
+    fn values_are_shown_as_toml_writes_them() {
+        let config = Config::default();
+        let shown = |key: &str| {
+            let field = FIELDS.iter().find(|field| field.key == key).unwrap();
+            field.value_text(&config)
+        };
+        assert_eq!(
+            shown("method"),
+            format!("\"{}\"", config.filter.method.name())
+        );
+        assert_eq!(shown("particles"), "50");
+        assert_eq!(shown("contrast_threshold"), "0.04");
+        assert_eq!(shown("edge_ratio"), "10.0");
+        assert_eq!(shown("min_flow_px"), "8.0");
     }
 }

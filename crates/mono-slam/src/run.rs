@@ -1,0 +1,213 @@
+//! A whole sequence through the frame loop.
+
+use mono_geometry::motion::exact_arc;
+use mono_geometry::{Camera, GeometryError, Se2};
+use slam_io::{
+    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, Sequence, SequenceError, StageTimes,
+    configuration,
+};
+use slam_pipeline::config::ValidConfig;
+use slam_pipeline::detector_of;
+use slam_pipeline::odometry::OdometryInterval;
+use slam_pipeline::record::PlanarPose;
+use slam_pipeline::slam::{FrameInput, FrameOutcome, Slam, SlamError};
+use slam_pipeline::stopwatch::{Clock, Lap};
+use thiserror::Error;
+use vision_sift::{Features, GrayImage, SiftError, Workspace};
+
+/// Frames kept for the picture strip.
+const SNAPSHOTS: usize = 8;
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Frames done.
+    pub frame: usize,
+    /// Frames in all.
+    pub frames: usize,
+    /// Landmarks in the map.
+    pub landmarks: usize,
+}
+
+/// Why a run ended early.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The sequence could not be read.
+    #[error(transparent)]
+    Sequence(#[from] SequenceError),
+    /// The camera file describes no camera.
+    #[error("camera.toml: {0}")]
+    Camera(#[from] GeometryError),
+    /// SIFT refused its parameters or an image.
+    #[error(transparent)]
+    Features(#[from] SiftError),
+    /// The filter failed.
+    #[error(transparent)]
+    Slam(#[from] SlamError),
+    /// The threads could not be started.
+    #[error("thread pool: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// Runs `sequence` under `config` and returns everything it found.
+///
+/// `clock` gives seconds for the stage times and for nothing else; `progress`
+/// is called after every frame. The estimate is the same, bit for bit, for any
+/// number of threads.
+///
+/// # Errors
+/// [`RunError`]; nothing was written.
+pub fn run_sequence(
+    sequence: &Sequence,
+    config: &ValidConfig,
+    clock: &Clock<'_>,
+    progress: &mut (dyn FnMut(Progress) + Send),
+) -> Result<RunRecord, RunError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(config.filter.threads as usize)
+        .build()?;
+    pool.install(|| run_in_pool(sequence, config, clock, progress))
+}
+
+fn run_in_pool(
+    sequence: &Sequence,
+    config: &ValidConfig,
+    clock: &Clock<'_>,
+    progress: &mut (dyn FnMut(Progress) + Send),
+) -> Result<RunRecord, RunError> {
+    let (camera, mount) = sequence.camera.camera_and_mount()?;
+    let detector = detector_of(config)?;
+    let mut workspace = Workspace::new();
+    let mut features = Features::default();
+    let body_from_camera = mount.body_from_camera;
+    let mut slam = Slam::new(
+        camera,
+        body_from_camera.rotation.matrix(),
+        &body_from_camera.translation,
+        config,
+    )?;
+    let count = sequence.images.len();
+    let every = count.div_ceil(SNAPSHOTS).max(1);
+    let started = clock();
+    let mut frames = Vec::with_capacity(count);
+    let mut snapshots = Vec::new();
+    let mut wheels = Se2::identity();
+    let mut dead_reckoning = Vec::with_capacity(count);
+    for index in 0..count {
+        let frame_started = clock();
+        let mut lap = Lap::start(clock);
+        let image = sequence.load_image(index)?;
+        let decode_ms = lap.lap_ms();
+        let view = GrayImage::new(image.width, image.height, &image.pixels)?;
+        detector.detect(&view, &mut workspace, &mut features)?;
+        let features_ms = lap.lap_ms();
+        let odometry: Vec<OdometryInterval> = if index == 0 {
+            Vec::new()
+        } else {
+            sequence
+                .odometry_between(sequence.times_s[index - 1], sequence.times_s[index])
+                .into_iter()
+                .map(|(duration_s, v_mps, omega_radps)| OdometryInterval {
+                    duration_s,
+                    v_mps,
+                    omega_radps,
+                })
+                .collect()
+        };
+        for o in &odometry {
+            wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
+        }
+        dead_reckoning.push(PlanarPose {
+            x: wheels.x,
+            y: wheels.y,
+            phi: wheels.phi,
+        });
+        let outcome = slam.step(
+            &FrameInput {
+                features: &features,
+                odometry: &odometry,
+            },
+            clock,
+        )?;
+        if index % every == 0 {
+            snapshots.push(FrameSnapshot {
+                index,
+                width: image.width,
+                height: image.height,
+                keypoints: drawn(&features, &outcome, &camera),
+                pixels: image.pixels,
+            });
+        }
+        progress(Progress {
+            frame: index + 1,
+            frames: count,
+            landmarks: outcome.landmarks,
+        });
+        let [association_ms, proposal_ms, evolution_ms, mapping_ms] = outcome.laps_ms;
+        frames.push(FrameRecord {
+            index,
+            time_s: sequence.times_s[index],
+            pose: outcome.pose,
+            covariance: outcome.covariance,
+            keyframe: outcome.keyframe,
+            keypoints: features.keypoints.len(),
+            matches: outcome.matches,
+            outliers: outcome.outliers,
+            new_landmarks: outcome.new_landmarks,
+            landmarks: outcome.landmarks,
+            n_eff: outcome.n_eff,
+            unique_ancestors: outcome.unique_ancestors,
+            resampled: outcome.resampled,
+            es_acceptance: outcome.es_acceptance,
+            nis: outcome.nis,
+            times: StageTimes {
+                decode_ms,
+                features_ms,
+                association_ms,
+                proposal_ms,
+                evolution_ms,
+                mapping_ms,
+                total_ms: (clock() - frame_started) * 1e3,
+            },
+            notes: outcome.notes,
+        });
+    }
+    let smoothed = sequence
+        .times_s
+        .iter()
+        .copied()
+        .zip(slam.smoothed_path())
+        .collect();
+    Ok(RunRecord {
+        sequence: sequence.name.clone(),
+        frames,
+        smoothed,
+        landmarks: slam.landmarks(),
+        dead_reckoning,
+        reference: sequence.reference.clone(),
+        snapshots,
+        configuration: configuration::to_toml(config),
+        seed: config.filter.seed,
+        particles: config.filter.particles as usize,
+        method: config.filter.method.name().to_owned(),
+        wall_s: clock() - started,
+    })
+}
+
+fn drawn(features: &Features, outcome: &FrameOutcome, camera: &Camera) -> Vec<DrawnKeypoint> {
+    features
+        .keypoints
+        .iter()
+        .zip(&outcome.fates)
+        .map(|(k, (fate, predicted))| DrawnKeypoint {
+            x: k.x,
+            y: k.y,
+            sigma: k.sigma,
+            fate: *fate,
+            predicted: predicted.map(|p| {
+                let raw = camera.distort_pixel(&p);
+                [raw.x as f32, raw.y as f32]
+            }),
+        })
+        .collect()
+}

@@ -1,0 +1,141 @@
+//! Results of a run on disk, and reading them back.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `trajectory.tum` | filtered body pose of every frame |
+//! | `trajectory_smoothed.tum` | whole path of the best particle |
+//! | `covariance.csv` | covariance of every filtered pose |
+//! | `map.ply` | landmarks, coloured by uncertainty |
+//! | `map.slam` | landmarks with covariance and descriptor, checksummed, reloadable |
+//! | `frames.csv` | counts, filter health and milliseconds of every frame |
+//! | `summary.json` | all figures, errors, seed, configuration, version |
+//! | `report_data.json` | everything of the run that `map.slam` does not hold, so that [`read_run`] gives it back |
+//!
+//! Numbers are written with the fewest digits that read back as the same value, so equal
+//! results give equal bytes; only `frames.csv`, `summary.json` and `report_data.json` carry wall
+//! times. Every file is written under a temporary name, synced,
+//! and renamed once all of them are complete: an interrupted write leaves no half file
+//! under a final name.
+
+mod atomic;
+mod error;
+mod map_file;
+mod pictures;
+mod ply;
+mod report_data;
+mod summary;
+mod tables;
+
+use std::fs;
+use std::path::Path;
+
+use crate::record::RunRecord;
+use atomic::{PendingFile, commit};
+use slam_pipeline::record::PlanarPose;
+
+pub use error::OutputError;
+pub use map_file::read_map;
+
+/// Writes every result of `run` into the folder `dir`, creating it when needed.
+///
+/// The files of `extra`, (name, contents), are written with them: all of them appear together or
+/// none does. Files of an earlier run in `dir` are replaced.
+///
+/// # Errors
+/// [`OutputError::NotFinite`] before anything is written when a pose, covariance or
+/// landmark is not finite; [`OutputError::Io`] when the file system refuses.
+pub fn write_run(
+    run: &RunRecord,
+    dir: &Path,
+    extra: &[(&str, Vec<u8>)],
+) -> Result<(), OutputError> {
+    check_finite(run)?;
+    let trajectory = run.frames.iter().map(|frame| (frame.time_s, frame.pose));
+    let contents: [(&str, Vec<u8>); 8] = [
+        ("trajectory.tum", tables::tum(trajectory).into_bytes()),
+        (
+            "trajectory_smoothed.tum",
+            tables::tum(run.smoothed.iter().copied()).into_bytes(),
+        ),
+        ("covariance.csv", tables::covariance_csv(&run.frames)?),
+        ("map.ply", ply::ply(&run.landmarks).into_bytes()),
+        ("map.slam", map_file::encode_map(&run.landmarks)),
+        ("frames.csv", tables::frames_csv(&run.frames)?),
+        ("summary.json", summary::summary_json(run)?),
+        ("report_data.json", report_data::encode(run)?),
+    ];
+    fs::create_dir_all(dir).map_err(|source| OutputError::io(dir, "created", source))?;
+    let pending = contents
+        .iter()
+        .chain(extra)
+        .map(|(name, bytes)| PendingFile::write(&dir.join(name), bytes))
+        .collect::<Result<Vec<_>, _>>()?;
+    commit(pending, dir)
+}
+
+/// Writes one file so that it appears whole or not at all.
+///
+/// The folder it goes to must exist.
+///
+/// # Errors
+/// [`OutputError::Io`] when the file system refuses.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let parent = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    commit(vec![PendingFile::write(path, bytes)?], parent)
+}
+
+/// Reads a finished run back from its folder, for the report and for evaluation.
+///
+/// # Errors
+/// [`OutputError`] when `report_data.json` or `map.slam` is missing, damaged or of
+/// another version.
+pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
+    let landmarks = read_map(&dir.join("map.slam"))?;
+    report_data::read(&dir.join("report_data.json"), landmarks)
+}
+
+/// A result with a NaN or an infinity in it is refused whole, with the first place named.
+fn check_finite(run: &RunRecord) -> Result<(), OutputError> {
+    let refuse = |what: String| Err(OutputError::NotFinite { what });
+    let finite_pose =
+        |pose: &PlanarPose| pose.x.is_finite() && pose.y.is_finite() && pose.phi.is_finite();
+    for frame in &run.frames {
+        if !(frame.time_s.is_finite() && finite_pose(&frame.pose)) {
+            return refuse(format!("time or pose of frame {}", frame.index));
+        }
+        if !frame.covariance.iter().all(|value| value.is_finite()) {
+            return refuse(format!("covariance of frame {}", frame.index));
+        }
+        let nis = frame.nis.unwrap_or(0.0);
+        let acceptance = frame.es_acceptance.unwrap_or(0.0);
+        if ![frame.n_eff, nis, acceptance]
+            .iter()
+            .all(|value| value.is_finite())
+        {
+            return refuse(format!(
+                "effective particle number, NIS or acceptance of frame {}",
+                frame.index
+            ));
+        }
+    }
+    for (index, (time_s, pose)) in run.smoothed.iter().enumerate() {
+        if !(time_s.is_finite() && finite_pose(pose)) {
+            return refuse(format!("pose {index} of the smoothed path"));
+        }
+    }
+    for (index, pose) in run.dead_reckoning.iter().enumerate() {
+        if !finite_pose(pose) {
+            return refuse(format!("pose {index} of dead reckoning"));
+        }
+    }
+    for landmark in &run.landmarks {
+        let mut values = landmark.position.iter().chain(&landmark.covariance);
+        if !values.all(|value| value.is_finite()) {
+            return refuse(format!("landmark {}", landmark.id));
+        }
+    }
+    Ok(())
+}

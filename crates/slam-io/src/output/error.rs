@@ -1,0 +1,69 @@
+//! What can go wrong when results are written or read back.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A fault of writing results or of reading them back.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// The file system refused.
+    #[error("{}: cannot be {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried: `created`, `written`, `read`, ...
+        action: &'static str,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A result is NaN or infinite; nothing was written.
+    #[error("results are not written: {what} is not finite")]
+    NotFinite {
+        /// The first such result.
+        what: String,
+    },
+    /// A file is not what it should be.
+    #[error("{}: expected {expected}, found {found}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What should be there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A value could not be put into a file's format.
+    #[error("results cannot be encoded: {reason}")]
+    Encoding {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl OutputError {
+    pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
+        OutputError::Io {
+            path: path.to_path_buf(),
+            action,
+            source,
+        }
+    }
+
+    pub(super) fn malformed(
+        path: &Path,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        OutputError::Malformed {
+            path: path.to_path_buf(),
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+
+    pub(super) fn encoding(error: impl std::fmt::Display) -> Self {
+        OutputError::Encoding {
+            reason: error.to_string(),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! `report_data.json`: everything of a run that `map.slam` does not hold.
+//!
+//! Pictures are base64 PNG, so the file stays a readable JSON text of moderate size.
+
+use std::borrow::Cow;
+use std::fs;
+use std::path::Path;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::{Deserialize, Serialize};
+use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+
+use super::error::OutputError;
+use crate::disk::Pose;
+use crate::record::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord};
+
+/// Version written, and the only one read.
+const FORMAT_VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReportData<'a> {
+    format_version: u32,
+    sequence: Cow<'a, str>,
+    method: Cow<'a, str>,
+    particles: usize,
+    seed: u64,
+    wall_s: f64,
+    configuration: Cow<'a, str>,
+    frames: Cow<'a, [FrameRecord]>,
+    smoothed: Vec<(f64, Pose)>,
+    dead_reckoning: Vec<Pose>,
+    reference: Option<Vec<(f64, Pose)>>,
+    snapshots: Vec<SnapshotData<'a>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SnapshotData<'a> {
+    index: usize,
+    png_base64: String,
+    keypoints: Cow<'a, [DrawnKeypoint]>,
+}
+
+/// The bytes of the file.
+pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
+    let snapshots = run
+        .snapshots
+        .iter()
+        .filter(|snapshot| {
+            snapshot.width > 0 && snapshot.pixels.len() == snapshot.width * snapshot.height
+        })
+        .map(|snapshot| {
+            Ok(SnapshotData {
+                index: snapshot.index,
+                png_base64: STANDARD.encode(snapshot.png()?),
+                keypoints: Cow::Borrowed(&snapshot.keypoints),
+            })
+        })
+        .collect::<Result<Vec<_>, OutputError>>()?;
+    let data = ReportData {
+        format_version: FORMAT_VERSION,
+        sequence: Cow::Borrowed(&run.sequence),
+        method: Cow::Borrowed(&run.method),
+        particles: run.particles,
+        seed: run.seed,
+        wall_s: run.wall_s,
+        configuration: Cow::Borrowed(&run.configuration),
+        frames: Cow::Borrowed(&run.frames),
+        smoothed: to_disk(&run.smoothed),
+        dead_reckoning: run.dead_reckoning.iter().copied().map(Pose::from).collect(),
+        reference: run.reference.as_deref().map(to_disk),
+        snapshots,
+    };
+    serde_json::to_vec(&data).map_err(OutputError::encoding)
+}
+
+/// A run from the file and the landmarks of its map.
+pub(super) fn read(path: &Path, landmarks: Vec<LandmarkRecord>) -> Result<RunRecord, OutputError> {
+    let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
+    let data: ReportData<'_> = serde_json::from_slice(&bytes).map_err(|error| {
+        OutputError::malformed(path, "the data of a finished run", error.to_string())
+    })?;
+    if data.format_version != FORMAT_VERSION {
+        return Err(OutputError::malformed(
+            path,
+            format!("format version {FORMAT_VERSION}"),
+            data.format_version.to_string(),
+        ));
+    }
+    let snapshots = data
+        .snapshots
+        .into_iter()
+        .map(|snapshot| decoded(path, snapshot))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(RunRecord {
+        sequence: data.sequence.into_owned(),
+        frames: data.frames.into_owned(),
+        smoothed: from_disk(data.smoothed),
+        landmarks,
+        dead_reckoning: data.dead_reckoning.into_iter().map(Pose::into).collect(),
+        reference: data.reference.map(from_disk),
+        snapshots,
+        configuration: data.configuration.into_owned(),
+        seed: data.seed,
+        particles: data.particles,
+        method: data.method.into_owned(),
+        wall_s: data.wall_s,
+    })
+}
+
+fn to_disk(path: &[(f64, PlanarPose)]) -> Vec<(f64, Pose)> {
+    path.iter().map(|&(t_s, pose)| (t_s, pose.into())).collect()
+}
+
+fn from_disk(path: Vec<(f64, Pose)>) -> Vec<(f64, PlanarPose)> {
+    path.into_iter()
+        .map(|(t_s, pose)| (t_s, pose.into()))
+        .collect()
+}
+
+fn decoded(path: &Path, snapshot: SnapshotData<'_>) -> Result<FrameSnapshot, OutputError> {
+    let expected = format!("a picture of frame {}", snapshot.index);
+    let bytes = STANDARD.decode(&snapshot.png_base64).map_err(|error| {
+        let found = format!("text that is not base64: {error}");
+        OutputError::malformed(path, expected.clone(), found)
+    })?;
+    let picture = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png)
+        .map_err(|error| OutputError::malformed(path, expected, error.to_string()))?
+        .into_luma8();
+    Ok(FrameSnapshot {
+        index: snapshot.index,
+        width: picture.width() as usize,
+        height: picture.height() as usize,
+        pixels: picture.into_raw(),
+        keypoints: snapshot.keypoints.into_owned(),
+    })
+}

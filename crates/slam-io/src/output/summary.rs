@@ -1,0 +1,33 @@
+//! `summary.json`: every figure of a run in one place.
+
+use serde::Serialize;
+
+use super::error::OutputError;
+use crate::figures::{RunFigures, run_figures};
+use crate::record::RunRecord;
+
+/// The bytes of the file.
+pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
+    #[derive(Serialize)]
+    struct Summary<'a> {
+        sequence: &'a str,
+        version: &'static str,
+        method: &'a str,
+        particles: usize,
+        seed: u64,
+        figures: RunFigures,
+        configuration: &'a str,
+    }
+    let summary = Summary {
+        sequence: &run.sequence,
+        version: env!("CARGO_PKG_VERSION"),
+        method: &run.method,
+        particles: run.particles,
+        seed: run.seed,
+        figures: run_figures(run),
+        configuration: &run.configuration,
+    };
+    let mut bytes = serde_json::to_vec_pretty(&summary).map_err(OutputError::encoding)?;
+    bytes.push(b'\n');
+    Ok(bytes)
+}

@@ -1,0 +1,109 @@
+//! The text tables: TUM trajectories, `covariance.csv`, `frames.csv`.
+
+use std::fmt::Write as _;
+
+use slam_pipeline::record::PlanarPose;
+
+use super::error::OutputError;
+use crate::record::FrameRecord;
+
+/// Poses in TUM format: height zero, rotation about z.
+pub(super) fn tum(path: impl Iterator<Item = (f64, PlanarPose)>) -> String {
+    let mut text = String::from("# t_s x_m y_m z_m qx qy qz qw (body in world)\n");
+    for (t_s, pose) in path {
+        let (sin, cos) = (0.5 * pose.phi).sin_cos();
+        // Writing into a String cannot fail.
+        let _ = writeln!(text, "{t_s} {} {} 0 0 0 {sin} {cos}", pose.x, pose.y);
+    }
+    text
+}
+
+/// Upper triangle of every pose covariance.
+pub(super) fn covariance_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError> {
+    let header = ["frame", "t_s", "xx", "xy", "xphi", "yy", "yphi", "phiphi"];
+    table(header, frames, |frame| {
+        let c = &frame.covariance;
+        [
+            frame.index.to_string(),
+            frame.time_s.to_string(),
+            c[(0, 0)].to_string(),
+            c[(0, 1)].to_string(),
+            c[(0, 2)].to_string(),
+            c[(1, 1)].to_string(),
+            c[(1, 2)].to_string(),
+            c[(2, 2)].to_string(),
+        ]
+    })
+}
+
+/// Header of `frames.csv`.
+const FRAME_COLUMNS: [&str; 21] = [
+    "frame",
+    "t_s",
+    "keyframe",
+    "keypoints",
+    "matches",
+    "new_landmarks",
+    "outliers",
+    "landmarks",
+    "n_eff",
+    "unique_ancestors",
+    "resampled",
+    "es_acceptance",
+    "nis",
+    "decode_ms",
+    "features_ms",
+    "association_ms",
+    "proposal_ms",
+    "evolution_ms",
+    "mapping_ms",
+    "total_ms",
+    "notes",
+];
+
+/// One row per frame; an empty cell means "does not apply".
+pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError> {
+    let optional = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    table(FRAME_COLUMNS, frames, |frame| {
+        let times = &frame.times;
+        [
+            frame.index.to_string(),
+            frame.time_s.to_string(),
+            u8::from(frame.keyframe).to_string(),
+            frame.keypoints.to_string(),
+            frame.matches.to_string(),
+            frame.new_landmarks.to_string(),
+            frame.outliers.to_string(),
+            frame.landmarks.to_string(),
+            frame.n_eff.to_string(),
+            frame.unique_ancestors.to_string(),
+            u8::from(frame.resampled).to_string(),
+            optional(frame.es_acceptance),
+            optional(frame.nis),
+            times.decode_ms.to_string(),
+            times.features_ms.to_string(),
+            times.association_ms.to_string(),
+            times.proposal_ms.to_string(),
+            times.evolution_ms.to_string(),
+            times.mapping_ms.to_string(),
+            times.total_ms.to_string(),
+            frame.notes.join("; "),
+        ]
+    })
+}
+
+/// A header and a row for every frame.
+fn table<const COLUMNS: usize>(
+    header: [&str; COLUMNS],
+    frames: &[FrameRecord],
+    row: impl Fn(&FrameRecord) -> [String; COLUMNS],
+) -> Result<Vec<u8>, OutputError> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(header).map_err(OutputError::encoding)?;
+    for frame in frames {
+        writer
+            .write_record(row(frame))
+            .map_err(OutputError::encoding)?;
+    }
+    writer.into_inner().map_err(OutputError::encoding)
+}

@@ -1,0 +1,130 @@
+//! A small run with every kind of value in it.
+
+use nalgebra::{Matrix3, Vector3};
+use slam_io::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, StageTimes};
+use slam_pipeline::record::{KeypointFate, LandmarkRecord, PlanarPose};
+
+/// Frames of [`small_run`].
+pub(crate) const FRAMES: usize = 12;
+
+/// A robot driving a gentle left turn; dead reckoning drifts to the right of it.
+pub(crate) fn small_run() -> RunRecord {
+    let truth = |index: usize| {
+        let phi = 0.02 * index as f64;
+        PlanarPose {
+            x: phi.sin() * 5.0,
+            y: (1.0 - phi.cos()) * 5.0,
+            phi,
+        }
+    };
+    let frames = (0..FRAMES)
+        .map(|index| {
+            let exact = truth(index);
+            let spread = 1e-4 * (1.0 + index as f64);
+            FrameRecord {
+                index,
+                time_s: 0.1 * index as f64,
+                pose: PlanarPose {
+                    x: exact.x + 0.003 * index as f64 / 3.0,
+                    y: exact.y,
+                    phi: exact.phi + 0.001,
+                },
+                covariance: Matrix3::new(
+                    spread,
+                    1e-5,
+                    0.0,
+                    1e-5,
+                    2.0 * spread,
+                    1e-6,
+                    0.0,
+                    1e-6,
+                    spread / 10.0,
+                ),
+                keyframe: index % 2 == 0,
+                keypoints: 100 + index,
+                matches: 60,
+                outliers: 4,
+                new_landmarks: if index == 0 { 40 } else { 2 },
+                landmarks: 40 + 2 * index,
+                n_eff: 50.0 / (1.0 + (index % 3) as f64),
+                unique_ancestors: 50 - index,
+                resampled: index % 3 == 2,
+                es_acceptance: (index > 1).then_some(0.25),
+                nis: (index > 0).then_some(0.9 + 0.02 * index as f64),
+                times: StageTimes {
+                    decode_ms: 1.0,
+                    features_ms: 20.0,
+                    association_ms: 5.0,
+                    proposal_ms: 3.0,
+                    evolution_ms: 2.0,
+                    mapping_ms: 4.0,
+                    total_ms: 35.0,
+                },
+                notes: if index == 5 {
+                    vec!["too few matches, \"odometry\" only".into()]
+                } else {
+                    Vec::new()
+                },
+            }
+        })
+        .collect();
+    let landmarks = (0..5_u32)
+        .map(|id| LandmarkRecord {
+            id: 3 * id,
+            position: Vector3::new(f64::from(id) / 3.0, 2.0, 0.1),
+            covariance: Matrix3::identity() * (1e-4 * f64::from(1 + id * id * id)),
+            observations: 2 + id,
+            descriptor: (id % 2 == 0)
+                .then(|| Box::new(std::array::from_fn(|index| (index as u32 * (id + 1)) as u8))),
+        })
+        .collect();
+    RunRecord {
+        sequence: "small <run> & \"test\"".into(),
+        frames,
+        smoothed: (0..FRAMES)
+            .map(|index| (0.1 * index as f64, truth(index)))
+            .collect(),
+        landmarks,
+        dead_reckoning: (0..FRAMES)
+            .map(|index| {
+                let exact = truth(index);
+                PlanarPose {
+                    y: exact.y - 0.01 * index as f64,
+                    ..exact
+                }
+            })
+            .collect(),
+        reference: Some(
+            (0..FRAMES)
+                .map(|index| (0.1 * index as f64, truth(index)))
+                .collect(),
+        ),
+        snapshots: vec![FrameSnapshot {
+            index: 4,
+            width: 16,
+            height: 8,
+            pixels: (0..128).collect(),
+            keypoints: vec![
+                DrawnKeypoint {
+                    x: 3.5,
+                    y: 2.25,
+                    sigma: 1.6,
+                    fate: KeypointFate::Matched,
+                    predicted: Some([4.0, 2.0]),
+                },
+                DrawnKeypoint {
+                    x: 9.0,
+                    y: 5.0,
+                    sigma: 2.0,
+                    fate: KeypointFate::New,
+                    predicted: None,
+                },
+            ],
+        }],
+        configuration: "[filter]\nmethod = \"novel\" # <script>alert(1)</script>\n".into(),
+        seed: 7,
+        particles: 50,
+        method: "novel".into(),
+        wall_s: 1.5,
+    }
+}

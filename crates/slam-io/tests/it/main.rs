@@ -1,0 +1,12 @@
+//! Sequences and calibrations are read, results written and read back.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a helper that fails is a test that fails; a skipped test says so"
+)]
+
+mod calibrations;
+mod common;
+mod output_writing;
+mod sequence_reading;

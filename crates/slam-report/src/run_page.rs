@@ -1,0 +1,43 @@
+//! The page of a run: key figures, the map from above, errors where there is a reference, the
+//! health of the filter, frames with their keypoints, all figures, the configuration.
+
+use std::fmt::Write as _;
+
+use slam_io::{RunRecord, run_figures};
+
+use crate::card::STYLE;
+use crate::escape::escape;
+use crate::{birdseye, charts, figures, pictures};
+
+/// The whole page.
+///
+/// Size: a few hundred kilobytes, mostly the pictures; long runs are thinned. Time O(frames + landmarks).
+/// A record with NaN in it still gives a page: such points are left out.
+pub fn render_run_html(run: &RunRecord) -> String {
+    let figures = run_figures(run);
+    let name = escape(&run.sequence);
+    let mut page = String::with_capacity(1 << 20);
+    // Writing into a String cannot fail.
+    let _ = write!(
+        page,
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{name}: mono-slam report</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<header>\n<p class=\"brand\">mono-slam {}</p>\n<h1>{name}</h1>\n\
+         <p class=\"lead\">{}</p>\n</header>\n",
+        env!("CARGO_PKG_VERSION"),
+        figures::lead(run, &figures)
+    );
+    page.push_str(&figures::cards(run, &figures));
+    if run.frames.is_empty() {
+        page.push_str("<p class=\"empty\">The run has no frames.</p>\n");
+    } else {
+        page.push_str(&birdseye::section(run));
+        page.push_str(&charts::error_section(run));
+        page.push_str(&charts::health_section(run));
+        page.push_str(&pictures::section(run));
+    }
+    page.push_str(&figures::tables(run, &figures));
+    page.push_str("</main>\n</body>\n</html>\n");
+    page
+}

@@ -1,0 +1,243 @@
+//! The page stands alone, is well formed, hides nothing dangerous and stays small.
+
+use nalgebra::{Matrix3, Vector3};
+use slam_io::{DrawnKeypoint, FrameSnapshot, RunRecord, read_run, write_run};
+use slam_pipeline::record::{KeypointFate, LandmarkRecord};
+use slam_report::render_run_html;
+
+use crate::run::{FRAMES, small_run};
+
+/// Elements that HTML does not close.
+const VOID: [&str; 2] = ["meta", "!DOCTYPE"];
+
+/// Checks that every element is closed in order; attribute values must not hold `<` or `>`.
+fn assert_well_formed(page: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    let mut rest = page;
+    while let Some(start) = rest.find('<') {
+        let end = start + rest[start..].find('>').unwrap();
+        let tag = &rest[start + 1..end];
+        assert!(!tag.contains('<'), "{tag}");
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+        rest = &rest[end + 1..];
+        let name = tag
+            .trim_start_matches('/')
+            .split([' ', '\n', '/'])
+            .next()
+            .unwrap();
+        if tag.starts_with('/') {
+            assert_eq!(open.pop(), Some(name));
+        } else if name == "style" {
+            rest = &rest[rest.find("</style>").unwrap()..];
+            open.push(name);
+        } else if !tag.ends_with('/') && !VOID.contains(&name) {
+            open.push(name);
+        }
+    }
+    assert!(open.is_empty(), "left open: {open:?}");
+}
+
+fn assert_stands_alone(page: &str) {
+    for foreign in [
+        "<script",
+        "<link",
+        "<iframe",
+        "@import",
+        "javascript:",
+        " src=",
+        " onload=",
+    ] {
+        assert!(!page.contains(foreign), "{foreign}");
+    }
+    let without_namespaces = page.replace("http://www.w3.org/2000/svg", "");
+    assert!(!without_namespaces.contains("http"), "an address");
+    let own =
+        |start: &str, kind: &str| page.split(kind).skip(1).all(|tail| tail.starts_with(start));
+    assert!(
+        own("#clip-", "url("),
+        "url() of something else than a clip path"
+    );
+    assert!(
+        own("data:image/png;base64,", "href=\""),
+        "href of something else than an inline picture"
+    );
+}
+
+#[test]
+fn the_page_is_well_formed_and_stands_alone() {
+    let page = render_run_html(&small_run());
+    assert!(page.starts_with("<!DOCTYPE html>"));
+    assert_well_formed(&page);
+    assert_stands_alone(&page);
+    for part in [
+        "Bird’s-eye view",
+        "Error against the reference",
+        "±3σ of the filter",
+        "distinct ancestors",
+        "normalised innovation squared",
+        "Time per frame",
+        "What the camera saw",
+        "dead reckoning",
+        "prefers-color-scheme: dark",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn text_from_the_input_is_escaped() {
+    let mut run = small_run();
+    run.method = "<b>novel</b>".into();
+    let page = render_run_html(&run);
+    assert_well_formed(&page);
+    assert_stands_alone(&page);
+    assert!(page.contains("<h1>small &lt;run&gt; &amp; &quot;test&quot;</h1>"));
+    assert!(page.contains("# &lt;script&gt;alert(1)&lt;/script&gt;"));
+    assert!(page.contains("too few matches, &quot;odometry&quot; only"));
+    assert!(page.contains("&lt;b&gt;novel&lt;/b&gt;"));
+}
+
+#[test]
+fn without_a_reference_there_are_no_errors() {
+    let mut run = small_run();
+    run.reference = None;
+    let page = render_run_html(&run);
+    assert_well_formed(&page);
+    assert!(!page.contains("Error against the reference"));
+    assert!(page.contains("no reference to compare with"));
+    // A reference of another time is as good as none.
+    run.reference = Some(vec![(1e6, run.frames[0].pose)]);
+    assert!(!render_run_html(&run).contains("Error against the reference"));
+}
+
+#[test]
+fn odd_runs_have_a_page_too() {
+    let damages: [fn(&mut RunRecord); 7] = [
+        |run| run.frames.clear(),
+        |run| run.frames.truncate(1),
+        |run| run.landmarks.clear(),
+        |run| run.snapshots.clear(),
+        |run| run.dead_reckoning.clear(),
+        |run| {
+            for frame in &mut run.frames {
+                frame.keyframe = false;
+            }
+        },
+        |run| run.particles = 0,
+    ];
+    for damage in damages {
+        let mut run = small_run();
+        damage(&mut run);
+        assert_well_formed(&render_run_html(&run));
+    }
+}
+
+#[test]
+fn values_that_are_not_finite_are_left_out() {
+    let mut run = small_run();
+    run.frames[3].pose.x = f64::NAN;
+    run.frames[4].covariance *= f64::NAN;
+    run.frames[5].nis = Some(f64::INFINITY);
+    run.frames[6].n_eff = f64::NAN;
+    run.frames[7].times.features_ms = f64::NAN;
+    run.dead_reckoning[2].y = f64::NEG_INFINITY;
+    run.landmarks[1].position.x = f64::NAN;
+    run.landmarks[2].covariance *= f64::NAN;
+    run.snapshots[0].keypoints[0].x = f32::NAN;
+    run.snapshots[0].keypoints[1].predicted = Some([f32::INFINITY, 0.0]);
+    let page = render_run_html(&run);
+    assert_well_formed(&page);
+    for attribute in [
+        " d=\"",
+        " x=\"",
+        " y=\"",
+        " width=\"",
+        " height=\"",
+        " points=\"",
+    ] {
+        for tail in page.split(attribute).skip(1) {
+            let value = tail.split('"').next().unwrap();
+            assert!(
+                !value.contains("NaN") && !value.contains("inf"),
+                "{attribute}{value}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_picture_that_does_not_fit_its_size_is_left_out() {
+    let mut run = small_run();
+    run.snapshots[0].pixels.pop();
+    assert!(!render_run_html(&run).contains("What the camera saw"));
+}
+
+#[test]
+fn long_runs_stay_below_three_megabytes() {
+    let mut run = small_run();
+    let frames = run.frames.clone();
+    run.frames = (0..6000)
+        .map(|index| {
+            let mut frame = frames[index % FRAMES].clone();
+            frame.index = index;
+            frame.time_s = 0.1 * index as f64;
+            frame.pose.x = 0.05 * index as f64;
+            frame.pose.y = (0.01 * index as f64).sin();
+            frame
+        })
+        .collect();
+    run.dead_reckoning = run.frames.iter().map(|frame| frame.pose).collect();
+    run.reference = Some(
+        run.frames
+            .iter()
+            .map(|frame| (frame.time_s, frame.pose))
+            .collect(),
+    );
+    run.landmarks = (0..30_000_u32)
+        .map(|id| LandmarkRecord {
+            id,
+            position: Vector3::new(f64::from(id) * 0.01, f64::from(id % 97) * 0.1, 0.0),
+            covariance: Matrix3::identity() * 1e-4 * f64::from(1 + id % 50),
+            observations: 3,
+            descriptor: None,
+        })
+        .collect();
+    // Noise is the worst that PNG can meet.
+    let mut state = 1_u32;
+    let mut noise = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    run.snapshots = (0..20)
+        .map(|index| FrameSnapshot {
+            index: 300 * index,
+            width: 1241,
+            height: 376,
+            pixels: (0..1241 * 376).map(|_| noise()).collect(),
+            keypoints: (0..2000_u16)
+                .map(|k| DrawnKeypoint {
+                    x: f32::from(k) * 0.6,
+                    y: f32::from(k % 370),
+                    sigma: 2.5,
+                    fate: KeypointFate::Matched,
+                    predicted: Some([f32::from(k) * 0.6 + 1.0, f32::from(k % 370)]),
+                })
+                .collect(),
+        })
+        .collect();
+    let page = render_run_html(&run);
+    assert_well_formed(&page);
+    assert!(page.len() < 3_000_000, "{} bytes", page.len());
+    assert_eq!(page.matches("data:image/png").count(), 8);
+}
+
+#[test]
+fn a_run_that_was_read_back_gives_the_same_page() {
+    let folder = std::env::temp_dir().join(format!("mono-slam-page-{}", std::process::id()));
+    let run = small_run();
+    write_run(&run, &folder, &[]).unwrap();
+    let back = read_run(&folder).unwrap();
+    // Leaving a folder behind is no reason to fail a test.
+    drop(std::fs::remove_dir_all(&folder));
+    assert_eq!(render_run_html(&back), render_run_html(&run));
+}
