@@ -21,6 +21,8 @@ const LAYERS: &[&str] = &[
     "camera-calibration",
     "range-bearing-slam",
     "slam-pipeline",
+    "slam-io",
+    "slam-report",
     "mono-slam",
     "xtask",
 ];
