@@ -7,11 +7,9 @@ use slam_io::{
     configuration,
 };
 use slam_pipeline::config::ValidConfig;
-use slam_pipeline::detector_of;
-use slam_pipeline::odometry::OdometryInterval;
-use slam_pipeline::record::PlanarPose;
-use slam_pipeline::slam::{FrameInput, FrameOutcome, Slam, SlamError};
-use slam_pipeline::stopwatch::{Clock, Lap};
+use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+use slam_pipeline::stopwatch::{Clock, Lap, StageClock};
+use slam_pipeline::{FrameInput, FrameReport, OdometryInterval, Rig, Slam, SlamError, detector_of};
 use thiserror::Error;
 use vision_sift::{Features, GrayImage, SiftError, Workspace};
 
@@ -79,13 +77,7 @@ fn run_in_pool(
     let detector = detector_of(config)?;
     let mut workspace = Workspace::new();
     let mut features = Features::default();
-    let body_from_camera = mount.body_from_camera;
-    let mut slam = Slam::new(
-        camera,
-        body_from_camera.rotation.matrix(),
-        &body_from_camera.translation,
-        config,
-    )?;
+    let mut slam = Slam::new(Rig { camera, mount }, config)?;
     let count = sequence.images.len();
     let every = count.div_ceil(SNAPSHOTS).max(1);
     let started = clock();
@@ -122,13 +114,13 @@ fn run_in_pool(
             y: wheels.y,
             phi: wheels.phi,
         });
-        let outcome = slam.step(
-            &FrameInput {
-                features: &features,
-                odometry: &odometry,
-            },
-            clock,
-        )?;
+        let input = FrameInput {
+            features: &features,
+            odometry: &odometry,
+        };
+        let mut stages = StageClock::start(clock);
+        let outcome = slam.step(&input, &mut stages)?;
+        let stages = stages.stop();
         if index % every == 0 {
             snapshots.push(FrameSnapshot {
                 index,
@@ -143,12 +135,11 @@ fn run_in_pool(
             frames: count,
             landmarks: outcome.landmarks,
         });
-        let [association_ms, proposal_ms, evolution_ms, mapping_ms] = outcome.laps_ms;
         frames.push(FrameRecord {
             index,
             time_s: sequence.times_s[index],
-            pose: outcome.pose,
-            covariance: outcome.covariance,
+            pose: outcome.estimate.pose.into(),
+            covariance: outcome.estimate.covariance,
             keyframe: outcome.keyframe,
             keypoints: features.keypoints.len(),
             matches: outcome.matches,
@@ -163,10 +154,10 @@ fn run_in_pool(
             times: StageTimes {
                 decode_ms,
                 features_ms,
-                association_ms,
-                proposal_ms,
-                evolution_ms,
-                mapping_ms,
+                association_ms: stages.association_ms,
+                proposal_ms: stages.proposal_ms,
+                evolution_ms: stages.evolution_ms,
+                mapping_ms: stages.mapping_ms,
                 total_ms: (clock() - frame_started) * 1e3,
             },
             notes: outcome.notes,
@@ -176,13 +167,23 @@ fn run_in_pool(
         .times_s
         .iter()
         .copied()
-        .zip(slam.smoothed_path())
+        .zip(slam.smoothed_path().into_iter().map(PlanarPose::from))
         .collect();
     Ok(RunRecord {
         sequence: sequence.name.clone(),
         frames,
         smoothed,
-        landmarks: slam.landmarks(),
+        landmarks: slam
+            .landmarks()
+            .into_iter()
+            .map(|l| LandmarkRecord {
+                id: l.id,
+                position: l.position,
+                covariance: l.covariance,
+                observations: l.observations,
+                descriptor: Some(l.descriptor),
+            })
+            .collect(),
         dead_reckoning,
         reference: sequence.reference.clone(),
         snapshots,
@@ -194,17 +195,17 @@ fn run_in_pool(
     })
 }
 
-fn drawn(features: &Features, outcome: &FrameOutcome, camera: &Camera) -> Vec<DrawnKeypoint> {
+fn drawn(features: &Features, outcome: &FrameReport, camera: &Camera) -> Vec<DrawnKeypoint> {
     features
         .keypoints
         .iter()
-        .zip(&outcome.fates)
-        .map(|(k, (fate, predicted))| DrawnKeypoint {
+        .zip(&outcome.keypoints)
+        .map(|(k, report)| DrawnKeypoint {
             x: k.x,
             y: k.y,
             sigma: k.sigma,
-            fate: *fate,
-            predicted: predicted.map(|p| {
+            fate: report.fate,
+            predicted: report.predicted.map(|p| {
                 let raw = camera.distort_pixel(&p);
                 [raw.x as f32, raw.y as f32]
             }),

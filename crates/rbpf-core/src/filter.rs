@@ -89,6 +89,17 @@ impl<P> ParticleCount<P> {
     }
 }
 
+/// A stage of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepStage {
+    /// Proposal, weighting and resampling.
+    Proposal,
+    /// The moves after a resampling.
+    Rejuvenation,
+    /// The updates of the maps.
+    MapUpdate,
+}
+
 /// The report of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
@@ -202,15 +213,10 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         &self.genealogy
     }
 
-    /// Runs one frame: propose, weight, resample if N_eff is low, rejuvenate, update maps.
-    ///
-    /// `frame` keys the random streams and must not repeat within a run.
-    /// The cost is N proposals, N map updates and N clones of a particle, and N clones more if the
-    /// frame resamples.
+    /// Runs one frame without an observer: see [`ParticleFilter::step_observed`].
     ///
     /// # Errors
-    /// The first error, in particle order, of the first stage that failed. The set, the weights and the
-    /// genealogy are then unchanged.
+    /// As [`ParticleFilter::step_observed`].
     #[expect(
         clippy::type_complexity,
         reason = "the error is named after the three stages it came from"
@@ -229,9 +235,49 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         R: Rejuvenation<P, O>,
         M: MapUpdate<P, O>,
     {
+        self.step_observed(
+            frame,
+            observation,
+            proposal,
+            rejuvenation,
+            map_update,
+            &mut |_| {},
+        )
+    }
+
+    /// Runs one frame: propose, weight, resample if N_eff is low, rejuvenate, update maps.
+    ///
+    /// `frame` keys the random streams and must not repeat within a run. `begin` is told when a stage begins, so that
+    /// the caller can time the stages; it has no other effect.
+    /// The cost is N proposals, N map updates and N clones of a particle, and N clones more if the
+    /// frame resamples.
+    ///
+    /// # Errors
+    /// The first error, in particle order, of the first stage that failed. The set, the weights and the
+    /// genealogy are then unchanged.
+    #[expect(
+        clippy::type_complexity,
+        reason = "the error is named after the three stages it came from"
+    )]
+    pub fn step_observed<O, A, R, M>(
+        &mut self,
+        frame: u64,
+        observation: &O,
+        proposal: &A,
+        rejuvenation: &R,
+        map_update: &M,
+        begin: &mut dyn FnMut(StepStage),
+    ) -> Result<StepReport, StepError<A::Error, R::Error, M::Error>>
+    where
+        O: Sync,
+        A: Proposal<P, O>,
+        R: Rejuvenation<P, O>,
+        M: MapUpdate<P, O>,
+    {
         let mut next = self.set.clone();
         let streams = self.streams;
 
+        begin(StepStage::Proposal);
         let outcomes = map_particles(next.particles_mut(), |slot, particle| {
             let mut rng = streams.stream(frame, slot as u64, Purpose::Proposal);
             proposal.propose(particle, observation, &mut rng)
@@ -257,6 +303,7 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
             RejuvenationSchedule::AfterResampling => ancestors.is_some(),
         };
         let moves = if rejuvenate {
+            begin(StepStage::Rejuvenation);
             rejuvenation
                 .rejuvenate(next.particles_mut(), observation, &streams, frame)
                 .map_err(|source| StepError::Rejuvenation { source })?
@@ -264,6 +311,7 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
             RejuvenationReport::default()
         };
 
+        begin(StepStage::MapUpdate);
         let outcomes = map_particles(next.particles_mut(), |_, particle| {
             map_update.update_map(particle, observation)
         });

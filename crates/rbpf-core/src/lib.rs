@@ -84,7 +84,9 @@ mod streams;
 
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
-pub use filter::{FilterConfig, ParticleCount, ParticleFilter, RejuvenationSchedule, StepReport};
+pub use filter::{
+    FilterConfig, ParticleCount, ParticleFilter, RejuvenationSchedule, StepReport, StepStage,
+};
 pub use history::PersistentPath;
 pub use kld::KldSampling;
 pub use landmark_map::{CowMap, SharedLeaves};

@@ -9,32 +9,39 @@
 //! ```
 //! use mono_geometry::{Camera, Distortion, Mount, Pinhole};
 //! use slam_pipeline::config::Config;
-//! use slam_pipeline::slam::Slam;
+//! use slam_pipeline::{Rig, Slam};
 //!
 //! let pinhole = Pinhole { width: 320, height: 240, fx: 368.8, fy: 369.9, cx: 159.7, cy: 121.5 };
-//! let camera = Camera::new(pinhole, Distortion::None)?;
-//! let mount = Mount::forward().body_from_camera;
+//! let rig = Rig { camera: Camera::new(pinhole, Distortion::None)?, mount: Mount::forward() };
 //! let mut config = Config::default();
 //! config.filter.particles = 100;
-//! let slam = Slam::new(camera, mount.rotation.matrix(), &mount.translation, &config.check()?)?;
+//! let slam = Slam::new(rig, &config.check()?)?;
 //! assert!(slam.landmarks().is_empty());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The three types to know are [`slam::Slam`] (the system), [`slam::FrameInput`] (one frame) and
-//! [`config::Config`] (every setting). Reading order: [`slam`] (the frame loop), [`filter`] (the
-//! estimator), [`frontend`] (keypoints to landmarks).
+//! The three types to know are [`Slam`] (the system), [`FrameReport`] (its answer to one frame) and
+//! [`config::Config`] (every setting). Reading order of the source: `slam` (the frame loop), `filter` (the
+//! estimator), `frontend` (keypoints to landmarks), `method` (where the three filters differ).
 
 pub mod config;
 mod features;
-pub mod filter;
-pub mod frontend;
-pub mod odometry;
+mod filter;
+mod frontend;
+mod method;
+mod odometry;
 pub mod record;
-pub mod slam;
+mod rig;
+mod slam;
 pub mod stopwatch;
 
 pub use features::detector_of;
+pub use odometry::{Control, Odometer, OdometryInterval};
+pub use rig::Rig;
+pub use slam::{
+    FrameInput, FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Slam,
+    SlamError, Stage, StageObserver,
+};
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

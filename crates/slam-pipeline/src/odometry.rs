@@ -6,7 +6,7 @@ use mono_geometry::{GeometryError, Se2};
 use nalgebra::Matrix3;
 
 use crate::config::OdometrySection;
-use crate::filter::motion::Control;
+use crate::method::MotionStep;
 
 /// One odometry row clipped to an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,11 +19,24 @@ pub struct OdometryInterval {
     pub omega_radps: f64,
 }
 
+/// Odometry between two filter steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Control {
+    /// Body motion in the previous body frame, metres and radians.
+    pub increment: Se2,
+    /// Covariance of (dx, dy, dphi).
+    pub covariance: Matrix3<f64>,
+    /// Seconds between the steps.
+    pub dt_s: f64,
+    /// Metres driven between the steps.
+    pub distance_m: f64,
+}
+
 /// Accumulates intervals since the last filter step.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odometer {
     noise: ControlNoise,
-    as_printed: bool,
+    step: MotionStep,
     increment: Increment,
     dt_s: f64,
     distance_m: f64,
@@ -39,12 +52,17 @@ const REST: Increment = Increment {
 };
 
 impl Odometer {
-    /// An odometer at rest; `as_printed` moves by the one-sided form of Eq. 25
-    /// instead of the exact arc.
+    /// An odometer at rest that moves by exact arcs.
     #[must_use]
-    pub fn new(noise: &OdometrySection, as_printed: bool) -> Self {
+    pub fn new(noise: &OdometrySection) -> Self {
+        Self::with_step(noise, MotionStep::ExactArc)
+    }
+
+    /// An odometer at rest that moves by `step`.
+    #[must_use]
+    pub(crate) fn with_step(noise: &OdometrySection, step: MotionStep) -> Self {
         Self {
-            as_printed,
+            step,
             noise: ControlNoise {
                 v_ratio: noise.velocity_noise_ratio,
                 v_floor_mps: noise.velocity_noise_mps,
@@ -80,7 +98,7 @@ impl Odometer {
             omega_radps: interval.omega_radps,
         };
         let mut next = accumulate(&[(sample, interval.duration_s)], &self.noise)?;
-        if self.as_printed {
+        if self.step == MotionStep::PrintedEuler {
             next.mean = paper_euler(interval.v_mps, interval.omega_radps, interval.duration_s);
         }
         self.increment = self.increment.then(&next);
@@ -97,7 +115,7 @@ impl Odometer {
         let (sin, cos) = mean.phi.sin_cos();
         let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
         Control {
-            increment: [mean.x, mean.y, mean.phi],
+            increment: mean,
             covariance: turn * self.increment.covariance * turn.transpose(),
             dt_s: self.dt_s,
             distance_m: self.distance_m,

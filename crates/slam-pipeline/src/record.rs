@@ -14,18 +14,7 @@ pub struct PlanarPose {
     pub phi: f64,
 }
 
-/// The fate of one keypoint in one frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum KeypointFate {
-    /// Matched to a landmark of the map and used.
-    Matched,
-    /// Matched to a landmark and rejected by the gate or the consensus.
-    Outlier,
-    /// Started a new landmark.
-    New,
-    /// Neither.
-    Unused,
-}
+pub use crate::slam::KeypointFate;
 
 /// One landmark of the final map.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,5 +34,11 @@ pub struct LandmarkRecord {
 impl From<PlanarPose> for Se2 {
     fn from(PlanarPose { x, y, phi }: PlanarPose) -> Self {
         Se2 { x, y, phi }
+    }
+}
+
+impl From<Se2> for PlanarPose {
+    fn from(Se2 { x, y, phi }: Se2) -> Self {
+        PlanarPose { x, y, phi }
     }
 }

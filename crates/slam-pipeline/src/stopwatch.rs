@@ -1,5 +1,7 @@
 //! Wall time from a clock the caller owns: this crate reads none.
 
+use crate::slam::{Stage, StageObserver};
+
 /// A monotonic clock in seconds, given by the caller.
 pub type Clock<'a> = dyn Fn() -> f64 + Sync + 'a;
 
@@ -33,10 +35,62 @@ impl<'a> Lap<'a> {
         self.last_s = now;
         ms
     }
+}
 
-    /// Time of the last lap, clock seconds.
+/// Milliseconds that the stages of one frame took.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct StageLaps {
+    /// Association.
+    pub association_ms: f64,
+    /// Proposal.
+    pub proposal_ms: f64,
+    /// Evolution.
+    pub evolution_ms: f64,
+    /// Mapping.
+    pub mapping_ms: f64,
+}
+
+/// An observer of the frame loop that times the stages.
+#[derive(Debug)]
+pub struct StageClock<'a> {
+    lap: Lap<'a>,
+    current: Option<Stage>,
+    laps: StageLaps,
+}
+
+impl<'a> StageClock<'a> {
+    /// Starts before the first stage.
     #[must_use]
-    pub fn last_s(&self) -> f64 {
-        self.last_s
+    pub fn start(clock: &'a Clock<'a>) -> Self {
+        Self {
+            lap: Lap::start(clock),
+            current: None,
+            laps: StageLaps::default(),
+        }
+    }
+
+    /// Ends the last stage.
+    #[must_use]
+    pub fn stop(mut self) -> StageLaps {
+        self.end_stage();
+        self.laps
+    }
+
+    fn end_stage(&mut self) {
+        let ms = self.lap.lap_ms();
+        match self.current {
+            None => {}
+            Some(Stage::Association) => self.laps.association_ms += ms,
+            Some(Stage::Proposal) => self.laps.proposal_ms += ms,
+            Some(Stage::Evolution) => self.laps.evolution_ms += ms,
+            Some(Stage::Mapping) => self.laps.mapping_ms += ms,
+        }
+    }
+}
+
+impl StageObserver for StageClock<'_> {
+    fn begin(&mut self, stage: Stage) {
+        self.end_stage();
+        self.current = Some(stage);
     }
 }

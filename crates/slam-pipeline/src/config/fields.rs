@@ -144,7 +144,7 @@ pub const FIELDS: &[Field] = &[
         section: "filter",
         key: "method",
         unit: "",
-        range: Range::OneOf(&["\"novel\"", "\"paper\"", "\"conventional\""]),
+        range: Range::OneOf(&["\"exact\"", "\"paper\"", "\"conventional\""]),
         reason: "which filter runs: the paper's made exact, as printed, or the conventional one",
         value: |c| Value::Name(c.filter.method.name()),
     },

@@ -16,7 +16,7 @@ pub use fields::{FIELDS, Field, Range};
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// The paper's filter made exact: the default.
-    Novel,
+    Exact,
     /// The paper's printed formulas.
     Paper,
     /// The conventional RBPF: poses from odometry, weights from the likelihood.
@@ -28,7 +28,7 @@ impl Method {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Novel => "novel",
+            Self::Exact => "exact",
             Self::Paper => "paper",
             Self::Conventional => "conventional",
         }
@@ -172,7 +172,7 @@ pub struct Config {
 impl Default for FilterSection {
     fn default() -> Self {
         Self {
-            method: Method::Novel,
+            method: Method::Exact,
             particles: 50,
             seed: 1,
             threads: 0,

@@ -1,4 +1,4 @@
-//! How far the whole estimate may have drifted, beyond what the particles show.
+//! The drift of the whole estimate, which the spread of the particles does not show.
 //!
 //! After some resamplings all particles share one ancestor, and their spread
 //! says nothing of the error of the common path. That error is propagated here
@@ -18,43 +18,40 @@ use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::landmark::Lens;
 use super::linearised::{PoseLinearisation, PosePosterior};
-use super::motion::{MotionPrior, PoseMatrix};
+use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
+use super::pose::{PLANAR, PoseMatrix};
+use crate::rig::Rig;
 
 /// Keyframes whose joint covariance is kept; an older anchor counts as the
 /// oldest of them. Memory: 72 bytes times its square.
 const WINDOW: usize = 256;
 
-/// Rows of the pose tangent that are planar: x, y, phi.
-const PLANAR: [usize; 3] = [0, 1, 3];
-
-/// What a keyframe's pose leans on.
+/// The information behind a keyframe's pose, by the keyframes that its landmarks are anchored in.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Support {
+pub(crate) struct Support {
     /// Lambda^-1 Lambda_a, planar part, by anchor keyframe.
-    pub gains: BTreeMap<u32, Matrix3<f64>>,
+    pub(crate) gains: BTreeMap<u32, Matrix3<f64>>,
     /// Lambda^-1, planar part.
-    pub covariance: Matrix3<f64>,
+    pub(crate) covariance: Matrix3<f64>,
 }
 
 impl Support {
     /// The support of `posterior`; `matches` with the anchor keyframe of each;
     /// `scale` metres per unit of the particle.
     #[must_use]
-    pub fn new(
-        lens: &Lens,
-        body_from_camera: &Matrix3<f64>,
+    pub(crate) fn new(
+        rig: &Rig,
         prior: &MotionPrior,
         posterior: &PosePosterior,
         scale: f64,
         matches: &[(u32, Prepared)],
     ) -> Option<Self> {
-        let linearisation = PoseLinearisation::new(prior, posterior, body_from_camera);
+        let linearisation = PoseLinearisation::new(rig, prior, posterior);
         let mut information: BTreeMap<u32, PoseMatrix> = BTreeMap::new();
         for (anchor, prepared) in matches {
-            let Some(line) = linearisation.linearise(lens, prepared) else {
+            let Some(line) = linearisation.linearise(prepared) else {
                 continue;
             };
             let sum = information.entry(*anchor).or_insert_with(PoseMatrix::zeros);
@@ -107,7 +104,7 @@ fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
 /// error; adding them would count it twice. In coordinates in which `spread` is
 /// the identity, the directions where `drift` is larger are taken from it.
 #[must_use]
-pub fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64> {
     // A spread that has collapsed is regularised far below any real error.
     let floor = Matrix3::identity() * (1e-9 * (spread.trace() + drift.trace()) + 1e-18);
     let Some(factor) = (spread + floor).cholesky().map(|c| c.l()) else {
@@ -125,7 +122,7 @@ pub fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64> {
 
 /// Joint covariance of the errors of the last keyframes.
 #[derive(Debug, Clone, Default)]
-pub struct Drift {
+pub(crate) struct Drift {
     oldest: u32,
     positions: VecDeque<Vector2<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
@@ -138,7 +135,7 @@ impl Drift {
     /// `support` is `None` at the first keyframe, which has no error by
     /// definition, and after a frame whose support could not be computed; then
     /// `odometry` alone carries the error on. Time O(window x anchors).
-    pub fn push(
+    pub(crate) fn push(
         &mut self,
         position: Vector2<f64>,
         support: Option<&Support>,

@@ -1,11 +1,8 @@
-//! Evolution strategy after a resampling (II.D): spreads the copies.
+//! The evolution strategy after a resampling (II.D), which spreads the copies of a particle.
 //!
-//! `exact` moves every pose by Metropolis-Hastings steps whose target is
-//! p(z | s, map) p(s | s_{t-1}, u), so weights stay as they are. `paper` uses
-//! Eq. 17-19 with the likelihood as fitness. In both, a slot keeps its own path
-//! and map: only its pose at this frame moves.
-
-use std::sync::Mutex;
+//! The exact operators move every pose by Metropolis-Hastings steps whose target is p(z | s, map) p(s | s_{t-1}, u), so
+//! the weights stay as they are. The printed ones use Eq. 17-19 with the likelihood as fitness. In both, a slot keeps
+//! its own path and map: only its pose at this frame moves.
 
 use es_evolve::{
     EvolutionReport, EvolveError, MoveParams, PaperParams, Space, StepFactors, evolve_paper,
@@ -18,60 +15,26 @@ use super::likelihood::Likelihood;
 use super::observation::{FrameObservation, Prepared};
 use super::particle::Particle;
 use super::pose::{CameraPose, POSE_DIM, PoseStep};
-use crate::stopwatch::{Clock, Lap};
+use crate::method::Evolution;
+use crate::rig::Rig;
 
 /// Streams of one frame and slot are apart by this many steps.
 const STEPS_PER_FRAME: u64 = 1 << 20;
 
-/// Which operators run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Operators {
-    /// Metropolis-Hastings moves.
-    Exact,
-    /// The printed operators.
-    Paper,
-    /// None.
-    Off,
-}
-
 /// The evolution step of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Evolution {
+pub(crate) struct PoseEvolution<'a> {
+    /// Camera and mount.
+    pub(crate) rig: &'a Rig,
     /// Which operators run.
-    pub operators: Operators,
-    /// Steps.
-    pub steps: usize,
+    pub(crate) operators: Evolution,
+    /// Number of steps.
+    pub(crate) steps: usize,
     /// Fitness.
-    pub likelihood: Likelihood,
+    pub(crate) likelihood: &'a Likelihood,
 }
 
-/// [`Evolution`] that notes when it ran.
-#[derive(Debug)]
-pub struct Timed<'a> {
-    evolution: &'a Evolution,
-    clock: ClockRef<'a>,
-    ran: Mutex<Option<(f64, f64)>>,
-}
-
-struct ClockRef<'a>(&'a Clock<'a>);
-
-impl core::fmt::Debug for ClockRef<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("clock")
-    }
-}
-
-impl Evolution {
-    /// With a clock, so that the stages around it can be told apart.
-    #[must_use]
-    pub fn timed<'a>(&'a self, clock: &'a Clock<'a>) -> Timed<'a> {
-        Timed {
-            evolution: self,
-            clock: ClockRef(clock),
-            ran: Mutex::new(None),
-        }
-    }
-
+impl PoseEvolution<'_> {
     fn evolve(
         &self,
         particles: &mut [Particle],
@@ -109,12 +72,14 @@ impl Evolution {
             let particles = &*particles;
             let exact = |slot: usize, pose: &CameraPose| {
                 let prior = particles[slot].prior.as_ref();
-                self.likelihood.log(pose, &matches[slot])
+                self.likelihood.log(self.rig, pose, &matches[slot])
                     + prior.map_or(0.0, |p| p.prior.log_density(pose))
             };
-            let paper = |slot: usize, pose: &CameraPose| self.likelihood.log(pose, &matches[slot]);
+            let paper = |slot: usize, pose: &CameraPose| {
+                self.likelihood.log(self.rig, pose, &matches[slot])
+            };
             match self.operators {
-                Operators::Exact => resample_move(
+                Evolution::MetropolisHastings => resample_move(
                     &PoseSpace,
                     &mut poses,
                     &exact,
@@ -145,7 +110,7 @@ impl Evolution {
     }
 }
 
-impl Rejuvenation<Particle, FrameObservation> for Timed<'_> {
+impl Rejuvenation<Particle, FrameObservation> for PoseEvolution<'_> {
     type Error = EvolveError;
 
     fn rejuvenate(
@@ -155,36 +120,14 @@ impl Rejuvenation<Particle, FrameObservation> for Timed<'_> {
         streams: &Streams,
         frame: u64,
     ) -> Result<RejuvenationReport, EvolveError> {
-        if self.evolution.operators == Operators::Off || self.evolution.steps == 0 {
+        if self.operators == Evolution::Off || self.steps == 0 {
             return Ok(RejuvenationReport::default());
         }
-        let start = (self.clock.0)();
-        let report = self
-            .evolution
-            .evolve(particles, observation, streams, frame)?;
-        if let Ok(mut ran) = self.ran.lock() {
-            *ran = Some((start, (self.clock.0)()));
-        }
+        let report = self.evolve(particles, observation, streams, frame)?;
         Ok(RejuvenationReport {
             proposed: report.proposed_crossovers + report.proposed_mutations,
             accepted: report.accepted_crossovers + report.accepted_mutations,
         })
-    }
-}
-
-impl Timed<'_> {
-    /// Milliseconds before, in and after the evolution since the last lap; all
-    /// before when it did not run.
-    pub fn split(&self, lap: &mut Lap<'_>) -> [f64; 3] {
-        let start = lap.last_s();
-        let total = lap.lap_ms();
-        match self.ran.lock().ok().and_then(|r| *r) {
-            Some((from, to)) => {
-                let (before, within) = ((from - start) * 1e3, (to - from) * 1e3);
-                [before, within, total - before - within]
-            }
-            None => [total, 0.0, 0.0],
-        }
     }
 }
 

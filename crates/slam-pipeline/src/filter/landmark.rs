@@ -16,7 +16,7 @@ use super::pose::PlacedCamera;
 
 /// How the three numbers of a landmark are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Parametrisation {
+pub(crate) enum Parametrisation {
     /// (alpha, beta, rho) in the camera of this keyframe of the particle's path.
     InverseDepth {
         /// Keyframe index of the anchor.
@@ -28,19 +28,49 @@ pub enum Parametrisation {
 
 /// Gaussian estimate of one landmark in one particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Landmark {
+pub(crate) struct Landmark {
     /// How `mean` is read.
-    pub parametrisation: Parametrisation,
+    pub(crate) parametrisation: Parametrisation,
     /// Mean of the three numbers.
-    pub mean: Vector3<f64>,
+    pub(crate) mean: Vector3<f64>,
     /// Covariance of the three numbers.
-    pub covariance: Matrix3<f64>,
+    pub(crate) covariance: Matrix3<f64>,
+}
+
+/// A point in the world with its covariance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PointEstimate {
+    /// Position.
+    pub(crate) position: Vector3<f64>,
+    /// Covariance of the position.
+    pub(crate) covariance: Matrix3<f64>,
+}
+
+/// Gaussian prior of the inverse depth of a landmark that was seen once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct InverseDepthPrior {
+    /// Mean, one over the particle's unit.
+    pub(crate) mean: f64,
+    /// Standard deviation.
+    pub(crate) sigma: f64,
+}
+
+impl InverseDepthPrior {
+    /// The prior whose two-sigma interval is (0, 1 / `min_depth`).
+    #[must_use]
+    pub(crate) fn beyond(min_depth: f64) -> Self {
+        let mean = 0.5 / min_depth;
+        Self {
+            mean,
+            sigma: 0.5 * mean,
+        }
+    }
 }
 
 /// The linear form behind a landmark: direction from a centre `c` is
 /// `base + rate (origin - c)` with `base = basis * (a, b, w)`.
 #[derive(Debug, Clone, Copy)]
-pub struct LandmarkGeometry {
+pub(crate) struct LandmarkGeometry {
     anchor_from_world: Matrix3<f64>,
     anchor_centre: Vector3<f64>,
     inverse_depth: bool,
@@ -49,7 +79,7 @@ pub struct LandmarkGeometry {
 impl LandmarkGeometry {
     /// Geometry of a landmark anchored in `anchor`, or of a point when `None`.
     #[must_use]
-    pub fn new(anchor: Option<&PlacedCamera>) -> Self {
+    pub(crate) fn new(anchor: Option<&PlacedCamera>) -> Self {
         match anchor {
             Some(a) => Self {
                 anchor_from_world: a.camera_from_world,
@@ -66,19 +96,19 @@ impl LandmarkGeometry {
 
     /// Whether the third parameter is an inverse depth.
     #[must_use]
-    pub fn is_inverse_depth(&self) -> bool {
+    pub(crate) fn is_inverse_depth(&self) -> bool {
         self.inverse_depth
     }
 
     /// Rotation from world to anchor axes; the identity for a point.
     #[must_use]
-    pub fn anchor_rotation(&self) -> &Matrix3<f64> {
+    pub(crate) fn anchor_rotation(&self) -> &Matrix3<f64> {
         &self.anchor_from_world
     }
 
     /// The ray `(base, rate, origin)` of parameters `m`.
     #[must_use]
-    pub fn ray(&self, m: &Vector3<f64>) -> Ray {
+    pub(crate) fn ray(&self, m: &Vector3<f64>) -> Ray {
         if self.inverse_depth {
             Ray {
                 base: self.anchor_from_world.tr_mul(&Vector3::new(m.x, m.y, 1.0)),
@@ -97,29 +127,29 @@ impl LandmarkGeometry {
 
 /// Direction to a landmark from any centre `c`: `base + rate (origin - c)`.
 #[derive(Debug, Clone, Copy)]
-pub struct Ray {
+pub(crate) struct Ray {
     /// Constant part, world axes.
-    pub base: Vector3<f64>,
+    pub(crate) base: Vector3<f64>,
     /// Factor of the baseline.
-    pub rate: f64,
+    pub(crate) rate: f64,
     /// Centre the baseline is counted from.
-    pub origin: Vector3<f64>,
+    pub(crate) origin: Vector3<f64>,
 }
 
 /// Ideal pinhole in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
+pub(crate) struct Lens {
     /// Focal lengths in pixels.
-    pub focal: Vector2<f64>,
+    pub(crate) focal: Vector2<f64>,
     /// Principal point in pixels.
-    pub centre: Vector2<f64>,
+    pub(crate) centre: Vector2<f64>,
 }
 
 impl Lens {
     /// Projects a ray into `camera`; `None` behind it or at its horizon.
     #[must_use]
     #[inline]
-    pub fn project(&self, camera: &PlacedCamera, ray: &Ray) -> Option<Vector2<f64>> {
+    pub(crate) fn project(&self, camera: &PlacedCamera, ray: &Ray) -> Option<Vector2<f64>> {
         let direction = ray.base + (ray.origin - camera.centre) * ray.rate;
         let q = camera.camera_from_world * direction;
         // A direction nearly in the image plane projects thousands of pixels away.
@@ -136,7 +166,7 @@ impl Lens {
     ///
     /// `None` behind the camera. Source: quotient rule on the ray form above.
     #[must_use]
-    pub fn parameter_jacobian(
+    pub(crate) fn parameter_jacobian(
         &self,
         camera: &PlacedCamera,
         geometry: &LandmarkGeometry,
@@ -180,7 +210,7 @@ impl Lens {
     /// With q(rho) = b + rho t, e along the line and s = e^T (z - c):
     /// rho = (s b_z - e^T f b) / (e^T f t - s t_z). A point is returned as it is.
     #[must_use]
-    pub fn refocus(
+    pub(crate) fn refocus(
         &self,
         camera: &PlacedCamera,
         geometry: &LandmarkGeometry,
@@ -226,28 +256,31 @@ impl Lens {
 
     /// Normalised image coordinates of a pixel.
     #[must_use]
-    pub fn normalise(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn normalise(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
         (pixel - self.centre).component_div(&self.focal)
     }
 }
 
 impl Landmark {
-    /// A landmark of unknown depth seen at `pixel` in keyframe `anchor`
-    /// with pixel noise `sigma_px` and inverse depth `rho` (mean, sigma).
+    /// A landmark of unknown depth, seen at `pixel` in keyframe `anchor` with pixel noise `sigma_px`.
     #[must_use]
-    pub fn from_first_sighting(
+    pub(crate) fn from_first_sighting(
         lens: &Lens,
         anchor: u32,
         pixel: &Vector2<f64>,
         sigma_px: f64,
-        rho: (f64, f64),
+        depth: InverseDepthPrior,
     ) -> Self {
         let n = lens.normalise(pixel);
         let (sx, sy) = (sigma_px / lens.focal.x, sigma_px / lens.focal.y);
         Self {
             parametrisation: Parametrisation::InverseDepth { anchor },
-            mean: Vector3::new(n.x, n.y, rho.0),
-            covariance: Matrix3::from_diagonal(&Vector3::new(sx * sx, sy * sy, rho.1 * rho.1)),
+            mean: Vector3::new(n.x, n.y, depth.mean),
+            covariance: Matrix3::from_diagonal(&Vector3::new(
+                sx * sx,
+                sy * sy,
+                depth.sigma * depth.sigma,
+            )),
         }
     }
 
@@ -257,7 +290,7 @@ impl Landmark {
     /// Only for a landmark whose depth was never measured. The prior of inverse
     /// depth keeps its shape (mean two sigmas above zero).
     #[must_use]
-    pub fn in_front_of(&self, geometry: &LandmarkGeometry, centre: &Vector3<f64>) -> Self {
+    pub(crate) fn in_front_of(&self, geometry: &LandmarkGeometry, centre: &Vector3<f64>) -> Self {
         /// Share of the prior mean depth the camera may have driven.
         const REACH: f64 = 0.3;
         let forward = (geometry.anchor_from_world * (centre - geometry.anchor_centre)).z;
@@ -272,7 +305,7 @@ impl Landmark {
 
     /// Keyframe of the anchor; `None` for a point.
     #[must_use]
-    pub fn anchor(&self) -> Option<u32> {
+    pub(crate) fn anchor(&self) -> Option<u32> {
         match self.parametrisation {
             Parametrisation::InverseDepth { anchor } => Some(anchor),
             Parametrisation::Point => None,
@@ -282,7 +315,7 @@ impl Landmark {
     /// sigma_rho / rho for an inverse-depth landmark, zero for a point:
     /// how open its depth still is.
     #[must_use]
-    pub fn depth_openness(&self) -> f64 {
+    pub(crate) fn depth_openness(&self) -> f64 {
         match self.parametrisation {
             Parametrisation::InverseDepth { .. } => {
                 self.covariance[(2, 2)].sqrt() / self.mean.z.abs().max(1e-12)
@@ -294,9 +327,12 @@ impl Landmark {
     /// World point and its covariance by first-order propagation, in the
     /// particle's length unit; `None` when the depth is not positive.
     #[must_use]
-    pub fn to_point(&self, anchor: Option<&PlacedCamera>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    pub(crate) fn to_point(&self, anchor: Option<&PlacedCamera>) -> Option<PointEstimate> {
         match (self.parametrisation, anchor) {
-            (Parametrisation::Point, _) => Some((self.mean, self.covariance)),
+            (Parametrisation::Point, _) => Some(PointEstimate {
+                position: self.mean,
+                covariance: self.covariance,
+            }),
             (Parametrisation::InverseDepth { .. }, Some(a)) => {
                 let rho = self.mean.z;
                 if rho <= 0.0 {
@@ -310,10 +346,10 @@ impl Landmark {
                         Vector3::y() / rho,
                         -m / (rho * rho),
                     ]);
-                Some((
-                    a.centre + world_from_anchor * m / rho,
-                    jacobian * self.covariance * jacobian.transpose(),
-                ))
+                Some(PointEstimate {
+                    position: a.centre + world_from_anchor * m / rho,
+                    covariance: jacobian * self.covariance * jacobian.transpose(),
+                })
             }
             (Parametrisation::InverseDepth { .. }, None) => None,
         }
@@ -322,6 +358,9 @@ impl Landmark {
 
 /// Pixel covariance that the landmark's own uncertainty causes: J Sigma J^T.
 #[must_use]
-pub fn projected_covariance(jacobian: &Matrix2x3<f64>, covariance: &Matrix3<f64>) -> Matrix2<f64> {
+pub(crate) fn projected_covariance(
+    jacobian: &Matrix2x3<f64>,
+    covariance: &Matrix3<f64>,
+) -> Matrix2<f64> {
     jacobian * covariance * jacobian.transpose()
 }

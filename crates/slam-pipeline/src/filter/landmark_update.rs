@@ -1,5 +1,5 @@
-//! One landmark, one measurement: the unscented update of Eq. 14-16 in the
-//! right form, with R inside S, iterated at the posterior while the depth is open.
+//! The update of one landmark by one measurement: the unscented update of Eq. 14-16 in the right form, with R inside
+//! S, iterated at the posterior while the depth is open.
 //!
 //! Iterated posterior linearisation (Garcia-Fernandez, Svensson, Morelande,
 //! Särkkä 2015): the moments of h under the linearisation Gaussian (m_i, P_i)
@@ -29,19 +29,19 @@ const START_FLOOR: f64 = 0.01;
 /// pulled. With the search's own width the world shrinks by one to three per cent.
 const PRIOR_WIDENING: f64 = 8.0;
 
-/// How landmarks are updated.
+/// The Kalman filter of a landmark.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LandmarkUpdate {
-    /// Ideal camera.
-    pub lens: Lens,
+pub(crate) struct LandmarkUpdate {
+    /// Ideal pinhole.
+    pub(crate) lens: Lens,
     /// Sigma points over the three parameters.
-    pub points: SigmaPoints<3>,
+    pub(crate) points: SigmaPoints<3>,
 }
 
 impl LandmarkUpdate {
     /// The landmark after the first measurement that can tell its depth.
     #[must_use]
-    pub fn first(
+    pub(crate) fn first(
         &self,
         camera: &PlacedCamera,
         geometry: &LandmarkGeometry,
@@ -57,7 +57,7 @@ impl LandmarkUpdate {
     /// The landmark after one measurement; `None` when a sigma point is not
     /// visible, the gate rejects it or its covariance lost positive definiteness.
     #[must_use]
-    pub fn update(
+    pub(crate) fn update(
         &self,
         camera: &PlacedCamera,
         geometry: &LandmarkGeometry,

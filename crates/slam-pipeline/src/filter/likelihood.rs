@@ -1,4 +1,4 @@
-//! How well a pose explains a frame, given the map before it (Eq. 26-30).
+//! The observation likelihood: how well a pose explains a frame, given the map before it (Eq. 26-30).
 //!
 //! `exact`: each match contributes log((1 - eps) N(d; 0, J G J^T + R) + eps / A):
 //! pixel noise and log-determinant are in, and a wrong match costs at most a
@@ -11,12 +11,14 @@
 
 use core::f64::consts::PI;
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::landmark::{Lens, projected_covariance};
 use super::linearised::across_epipolar;
 use super::observation::{Prepared, Scoring};
 use super::pose::{CameraPose, PlacedCamera};
+use crate::method::LikelihoodForm;
+use crate::rig::Rig;
 
 /// T_l of Eq. 29.
 const PAPER_INNOVATION_CLIP: f64 = 3.0;
@@ -26,17 +28,20 @@ const PAPER_VARIANCE_FLOOR_PX2: f64 = 1e-6;
 
 /// The observation likelihood of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Likelihood {
-    /// Ideal camera.
-    pub lens: Lens,
-    /// Mount of the camera.
-    pub body_from_camera: Matrix3<f64>,
+pub(crate) struct Likelihood {
     /// Share of wrong matches.
-    pub outlier_share: f64,
-    /// Image area in square pixels.
-    pub image_area_px2: f64,
-    /// Use the printed formulas.
-    pub as_printed: bool,
+    pub(crate) outlier_share: f64,
+    /// The exact or the printed formulas.
+    pub(crate) form: LikelihoodForm,
+}
+
+/// The likelihood with the camera it is asked for.
+struct View<'a> {
+    placed: PlacedCamera,
+    lens: Lens,
+    outlier_share: f64,
+    image_area_px2: f64,
+    matches: &'a [Option<Prepared>],
 }
 
 impl Likelihood {
@@ -45,20 +50,35 @@ impl Likelihood {
     /// `matches` as prepared for the particle; a landmark the particle lacks or
     /// cannot see counts as a wrong match, so that weights compare.
     #[must_use]
-    pub fn log(&self, pose: &CameraPose, matches: &[Option<Prepared>]) -> f64 {
-        let camera = PlacedCamera::new(pose, &self.body_from_camera);
-        matches
+    pub(crate) fn log(&self, rig: &Rig, pose: &CameraPose, matches: &[Option<Prepared>]) -> f64 {
+        let size = rig.image_size_px();
+        let view = View {
+            placed: PlacedCamera::new(rig, pose),
+            lens: rig.lens(),
+            outlier_share: self.outlier_share,
+            image_area_px2: size.x * size.y,
+            matches,
+        };
+        match self.form {
+            LikelihoodForm::Exact => {
+                view.sum((self.outlier_share / view.image_area_px2).ln(), View::exact)
+            }
+            LikelihoodForm::Printed => view.sum(-0.5 * PAPER_INNOVATION_CLIP, View::printed),
+        }
+    }
+}
+
+impl View<'_> {
+    /// Sum over the matches, `unseen` for those that the particle lacks.
+    fn sum(&self, unseen: f64, of_match: fn(&Self, &Prepared) -> f64) -> f64 {
+        self.matches
             .iter()
-            .map(|m| match m {
-                Some(m) if self.as_printed => self.printed(&camera, m),
-                Some(m) => self.exact(&camera, m),
-                None if self.as_printed => -0.5 * PAPER_INNOVATION_CLIP,
-                None => (self.outlier_share / self.image_area_px2).ln(),
-            })
+            .map(|m| m.as_ref().map_or(unseen, |m| of_match(self, m)))
             .sum()
     }
 
-    fn exact(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+    fn exact(&self, m: &Prepared) -> f64 {
+        let camera = &self.placed;
         let across_only = m.scoring == Scoring::AcrossEpipolar;
         let wrong = if across_only {
             self.outlier_share / self.image_area_px2.sqrt()
@@ -87,9 +107,10 @@ impl Likelihood {
         ((1.0 - self.outlier_share) * density + wrong).ln()
     }
 
-    fn printed(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+    fn printed(&self, m: &Prepared) -> f64 {
+        let camera = &self.placed;
         if m.scoring == Scoring::AcrossEpipolar {
-            return -0.5 * self.epipolar_distances(camera, m);
+            return -0.5 * self.epipolar_distances(m);
         }
         let ray = m.geometry.ray(&m.mean);
         let (Some(predicted), Some(jacobian)) = (
@@ -107,7 +128,8 @@ impl Likelihood {
 
     /// dist(I_j, H_fj) + dist(I_fj, H_j) of Eq. 30, pixels; zero without baseline,
     /// where no epipolar line exists.
-    fn epipolar_distances(&self, camera: &PlacedCamera, m: &Prepared) -> f64 {
+    fn epipolar_distances(&self, m: &Prepared) -> f64 {
+        let camera = &self.placed;
         let ray = m.geometry.ray(&m.mean);
         let homogeneous = |n: Vector3<f64>| {
             Vector3::new(
@@ -143,7 +165,7 @@ impl Likelihood {
 
 /// Density of N(0, s) at `d`; zero for a covariance that is not positive.
 #[must_use]
-pub fn gaussian_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
+pub(crate) fn gaussian_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
     let det = s.determinant();
     if det <= 0.0 {
         return 0.0;
@@ -153,7 +175,7 @@ pub fn gaussian_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
 
 /// d^T s^-1 d, in closed form.
 #[must_use]
-pub fn mahalanobis_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
+pub(crate) fn mahalanobis_2d(d: &Vector2<f64>, s: &Matrix2<f64>) -> f64 {
     let det = s.determinant();
     (s[(1, 1)] * d.x * d.x - 2.0 * s[(0, 1)] * d.x * d.y + s[(0, 0)] * d.y * d.y) / det
 }

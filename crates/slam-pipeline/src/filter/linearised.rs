@@ -10,12 +10,13 @@
 //! A match far from its prediction is down-weighted (Huber) in the proposal
 //! only; the importance weight makes up for it.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
+use nalgebra::{Matrix2, SMatrix, Vector2};
 
 use super::landmark::{Lens, Ray, projected_covariance};
-use super::motion::{MotionPrior, PoseMatrix};
+use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
-use super::pose::{CameraPose, POSE_DIM, PlacedCamera, PoseStep};
+use super::pose::{CameraPose, POSE_DIM, PlacedCamera, PoseMatrix, PoseStep};
+use crate::rig::Rig;
 
 /// Huber threshold in standard deviations: 95 % efficient for one coordinate
 /// is 1.345; matches are gated before, so the bend sits further out.
@@ -23,19 +24,19 @@ const HUBER_SIGMAS: f64 = 2.5;
 
 /// Gaussian posterior of the whitened pose xi, and where it lies.
 #[derive(Debug, Clone, Copy)]
-pub struct PosePosterior {
+pub(crate) struct PosePosterior {
     /// Mean in whitened coordinates of the prior.
-    pub mean: PoseStep,
+    pub(crate) mean: PoseStep,
     /// Lower factor C of the covariance of xi: C C^T = Lambda^-1.
-    pub factor: PoseMatrix,
+    pub(crate) factor: PoseMatrix,
     /// log of the product of the diagonal of `factor`.
-    pub log_det_factor: f64,
+    pub(crate) log_det_factor: f64,
 }
 
 impl PosePosterior {
     /// The prior itself.
     #[must_use]
-    pub fn prior() -> Self {
+    pub(crate) fn prior() -> Self {
         Self {
             mean: PoseStep::zeros(),
             factor: PoseMatrix::identity(),
@@ -45,13 +46,13 @@ impl PosePosterior {
 
     /// The pose of the mean.
     #[must_use]
-    pub fn mean_pose(&self, prior: &MotionPrior) -> CameraPose {
+    pub(crate) fn mean_pose(&self, prior: &MotionPrior) -> CameraPose {
         prior.mean.retract(&(prior.factor * self.mean))
     }
 
     /// Covariance of the pose tangent: A Lambda^-1 A^T.
     #[must_use]
-    pub fn pose_covariance(&self, prior: &MotionPrior) -> PoseMatrix {
+    pub(crate) fn pose_covariance(&self, prior: &MotionPrior) -> PoseMatrix {
         let f = prior.factor * self.factor;
         f * f.transpose()
     }
@@ -66,16 +67,15 @@ const SPREAD_SQUARED: f64 = POSE_DIM as f64;
 /// Matches that a sigma point cannot see are left out. Cost:
 /// O(iterations (13 projections + 6^2) matches).
 #[must_use]
-pub fn pose_posterior(
-    lens: &Lens,
-    body_from_camera: &Matrix3<f64>,
+pub(crate) fn pose_posterior(
+    rig: &Rig,
     prior: &MotionPrior,
     matches: &[Option<Prepared>],
     iterations: usize,
 ) -> PosePosterior {
     let mut posterior = PosePosterior::prior();
     for iteration in 0..iterations {
-        let linearisation = PoseLinearisation::new(prior, &posterior, body_from_camera);
+        let linearisation = PoseLinearisation::new(rig, prior, &posterior);
         // xi' = C^-1 (xi - xi_i), so D xi' = D C^-1 xi - D C^-1 xi_i.
         let Some(inverse_factor) = posterior
             .factor
@@ -87,7 +87,7 @@ pub fn pose_posterior(
         let mut information = PoseMatrix::identity();
         let mut vector = PoseStep::zeros();
         for prepared in matches.iter().flatten() {
-            let Some(line) = linearisation.linearise(lens, prepared) else {
+            let Some(line) = linearisation.linearise(prepared) else {
                 continue;
             };
             let residual = prepared.pixel - line.mean + line.slope * offset;
@@ -144,28 +144,29 @@ fn huber(iteration: usize, squared: f64) -> f64 {
 
 /// Statistical linearisation of one match: z = mean + slope xi' + N(0, noise).
 #[derive(Debug, Clone, Copy)]
-pub struct Line {
+pub(crate) struct Line {
     /// Mean of the measurement over the pose distribution.
-    pub mean: Vector2<f64>,
+    pub(crate) mean: Vector2<f64>,
     /// Slope in whitened coordinates of the distribution linearised about.
-    pub slope: SMatrix<f64, 2, POSE_DIM>,
+    pub(crate) slope: SMatrix<f64, 2, POSE_DIM>,
     /// Pixel noise, landmark covariance and linearisation error.
-    pub noise: Matrix2<f64>,
+    pub(crate) noise: Matrix2<f64>,
     /// Unit normal of the epipolar line.
-    pub across: Vector2<f64>,
+    pub(crate) across: Vector2<f64>,
 }
 
 impl Line {
     /// Innovation covariance under the distribution linearised about.
     #[must_use]
-    pub fn innovation(&self) -> Matrix2<f64> {
+    pub(crate) fn innovation(&self) -> Matrix2<f64> {
         self.slope * self.slope.transpose() + self.noise
     }
 }
 
 /// The cameras of the sigma points of a pose distribution.
 #[derive(Debug, Clone)]
-pub struct PoseLinearisation {
+pub(crate) struct PoseLinearisation {
+    lens: Lens,
     mean: PlacedCamera,
     sigma: [PlacedCamera; 2 * POSE_DIM],
 }
@@ -173,27 +174,24 @@ pub struct PoseLinearisation {
 impl PoseLinearisation {
     /// Sigma points of `posterior` under `prior`.
     #[must_use]
-    pub fn new(
-        prior: &MotionPrior,
-        posterior: &PosePosterior,
-        body_from_camera: &Matrix3<f64>,
-    ) -> Self {
+    pub(crate) fn new(rig: &Rig, prior: &MotionPrior, posterior: &PosePosterior) -> Self {
         let centre = posterior.mean_pose(prior);
         let spread = prior.factor * posterior.factor * SPREAD_SQUARED.sqrt();
         Self {
-            mean: PlacedCamera::new(&centre, body_from_camera),
+            lens: rig.lens(),
+            mean: PlacedCamera::new(rig, &centre),
             sigma: core::array::from_fn(|j| {
                 let column = spread.column(j % POSE_DIM).into_owned();
                 let step = if j < POSE_DIM { column } else { -column };
-                PlacedCamera::new(&centre.retract(&step), body_from_camera)
+                PlacedCamera::new(rig, &centre.retract(&step))
             }),
         }
     }
 
     /// Linearises one match; `None` when a sigma point cannot see the landmark.
     #[must_use]
-    pub fn linearise(&self, lens: &Lens, prepared: &Prepared) -> Option<Line> {
-        let (mean_camera, cameras) = (&self.mean, &self.sigma);
+    pub(crate) fn linearise(&self, prepared: &Prepared) -> Option<Line> {
+        let (lens, mean_camera, cameras) = (&self.lens, &self.mean, &self.sigma);
         let focus = prepared.focus(lens, mean_camera);
         let ray: Ray = prepared.geometry.ray(&focus);
         let mut slope = SMatrix::<f64, 2, POSE_DIM>::zeros();
@@ -233,7 +231,7 @@ impl PoseLinearisation {
 
 /// Unit normal of the direction in which the pixel moves with depth.
 #[must_use]
-pub fn across_epipolar(jacobian: &nalgebra::Matrix2x3<f64>) -> Vector2<f64> {
+pub(crate) fn across_epipolar(jacobian: &nalgebra::Matrix2x3<f64>) -> Vector2<f64> {
     let along = jacobian.column(2);
     let norm = along.norm();
     if norm < 1e-9 {

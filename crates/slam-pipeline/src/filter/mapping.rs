@@ -9,27 +9,30 @@ use core::convert::Infallible;
 
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
 use mono_geometry::{Pinhole, Se3};
-use nalgebra::{Matrix3, Rotation3, Vector2};
+use nalgebra::{Rotation3, Vector2};
 use rbpf_core::MapUpdate;
+use ukf::SigmaPoints;
 
 use super::landmark::{Landmark, Lens, Parametrisation};
 use super::landmark_update::LandmarkUpdate;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
 use super::pose::PlacedCamera;
+use crate::method::LandmarkStart;
+use crate::rig::Rig;
 
 /// Landmark updates and new landmarks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mapping {
-    /// Rotation of the mount.
-    pub body_from_camera: Matrix3<f64>,
-    /// Landmark filter.
-    pub update: LandmarkUpdate,
-    /// Two-view initialisation: least parallax in radians; `None` starts at the second sighting.
-    pub delayed: Option<f64>,
+pub(crate) struct Mapping<'a> {
+    /// Camera and mount.
+    pub(crate) rig: &'a Rig,
+    /// Sigma points over the three parameters of a landmark.
+    pub(crate) points: SigmaPoints<3>,
+    /// When a feature becomes a landmark.
+    pub(crate) start: LandmarkStart,
 }
 
-impl MapUpdate<Particle, FrameObservation> for Mapping {
+impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
     type Error = Infallible;
 
     fn update_map(
@@ -42,17 +45,21 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
                 .metric
                 .condition_on_pose(&drawn.prior, &particle.pose);
         }
-        let camera = PlacedCamera::new(&particle.pose, &self.body_from_camera);
+        let update = LandmarkUpdate {
+            lens: self.rig.lens(),
+            points: self.points,
+        };
+        let camera = PlacedCamera::new(self.rig, &particle.pose);
         particle.path.push(Keyframe {
             camera,
             body: particle.metric.body(particle.pose.phi),
-            scale: particle.metric.mean.x,
+            scale: particle.metric.scale(),
         });
         for m in &observation.matches {
             let known = particle.map.get(m.id).copied();
             let landmark = match (known, m.prototype) {
                 (Some(known), _) => known,
-                (None, Some(prototype)) if self.delayed.is_none() => prototype,
+                (None, Some(prototype)) if self.start == LandmarkStart::SecondSighting => prototype,
                 _ => continue,
             };
             let Some(geometry) = particle.geometry(&landmark) else {
@@ -60,11 +67,9 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
             };
             let (pixel, variance) = (&m.pixel, m.variance_px2);
             let updated = if known.is_some() {
-                self.update
-                    .update(&camera, &geometry, &landmark, pixel, variance)
+                update.update(&camera, &geometry, &landmark, pixel, variance)
             } else {
-                self.update
-                    .first(&camera, &geometry, &landmark, pixel, variance)
+                update.first(&camera, &geometry, &landmark, pixel, variance)
             };
             match updated {
                 Some(updated) => particle.map.insert(m.id, updated),
@@ -73,7 +78,7 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
             };
         }
         for new in &observation.initialised {
-            if let Some(landmark) = two_view(&self.update.lens, particle, new) {
+            if let Some(landmark) = two_view(&update.lens, particle, new) {
                 particle.map.insert(new.id, landmark);
             }
         }
@@ -88,8 +93,8 @@ impl MapUpdate<Particle, FrameObservation> for Mapping {
 /// own poses); `None` with no acceptable solution. The particle's path must
 /// already end in the present keyframe.
 #[must_use]
-pub fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -> Option<Landmark> {
-    let first = particle.path.get(new.first.0 as usize)?.camera;
+pub(crate) fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -> Option<Landmark> {
+    let first = particle.path.get(new.first.keyframe as usize)?.camera;
     let second = particle.path.last()?.camera;
     let view = |camera: &PlacedCamera, pixel: Vector2<f64>| Observation {
         camera_from_world: Se3::new(
@@ -109,7 +114,7 @@ pub fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -> Optio
     };
     let solution = triangulate(
         &pinhole,
-        &[view(&first, new.first.1), view(&second, new.second)],
+        &[view(&first, new.first.pixel), view(&second, new.second)],
         // The parallax was judged once for all particles, in the reference.
         &Acceptance {
             min_parallax_rad: 0.0,

@@ -1,22 +1,22 @@
-//! The estimator: what a particle is, how its pose is proposed, weighed and
-//! moved, how its landmarks are started and updated.
+//! The estimator: a particle, its proposal, weight and moves, and the start and update of its landmarks.
 //!
-//! Reading order: [`pose`] (the sampled camera pose), [`particle`] (path, map,
-//! local scale), [`landmark`] (anchored inverse depth or point), [`motion`]
-//! (the odometry prior), [`observation`] (what one frame measured),
-//! [`linearised`] (statistical linearisation), [`proposal`] (the unscented and
-//! the motion proposal with their weights), [`likelihood`], [`evolution`],
-//! [`landmark_update`], [`mapping`], [`drift`].
+//! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
+//! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
+//! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
+//! [`proposal`], [`evolution`], [`landmark_update`], [`mapping`], [`drift`].
 
-pub mod drift;
-pub mod evolution;
-pub mod landmark;
-pub mod landmark_update;
-pub mod likelihood;
-pub mod linearised;
-pub mod mapping;
-pub mod motion;
-pub mod observation;
-pub mod particle;
-pub mod pose;
-pub mod proposal;
+pub(crate) mod drift;
+pub(crate) mod evolution;
+pub(crate) mod landmark;
+pub(crate) mod landmark_update;
+pub(crate) mod likelihood;
+pub(crate) mod linearised;
+pub(crate) mod mapping;
+pub(crate) mod metric;
+pub(crate) mod motion;
+pub(crate) mod observation;
+pub(crate) mod particle;
+pub(crate) mod pose;
+pub(crate) mod proposal;
+#[cfg(test)]
+pub(crate) mod tests;

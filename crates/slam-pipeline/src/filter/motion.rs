@@ -1,51 +1,44 @@
-//! The motion prior: where odometry says the camera is, given a particle.
+//! The motion prior: the distribution of the camera pose that odometry implies for one particle.
 //!
-//! Body motion (dx, dy, dphi) in the previous body frame comes with a
-//! covariance from the velocity model (Eq. 25, exact arc). The camera sits at
-//! l in the body, and lengths are in the particle's unit of s metres:
+//! The body motion (dx, dy, dphi) in the previous body frame comes with a covariance from the velocity model (Eq. 25,
+//! exact arc). The camera sits at l in the body, and lengths are in the particle's unit of s metres:
 //! c_t = c_{t-1} + (R(phi) d + (R(phi + dphi) - R(phi)) l) / s.
-//! The scale s is itself Gaussian in the particle, so the prior covariance is
-//! J Q J^T + g g^T Var(s), with g = dc/ds. Roll and pitch revert to zero, the
-//! height follows the slope of the floor; neither is told by odometry.
+//! The scale s is itself Gaussian in the particle, so the prior covariance is J Q J^T + g g^T Var(s), with g = dc/ds.
+//! Roll and pitch revert to zero and the height follows the slope of the floor; odometry measures neither.
 
 use nalgebra::{Matrix3, Vector2};
 
-use super::particle::Particle;
-use super::pose::{CameraPose, PoseStep};
-use nalgebra::SMatrix;
+use mono_geometry::Se2;
 
-/// 6 x 6 matrix over the pose tangent.
-pub type PoseMatrix = SMatrix<f64, 6, 6>;
+use crate::odometry::Control;
 
-/// Odometry between two filter steps.
+use super::pose::{CameraPose, PLANAR, PoseMatrix, PoseStep};
+
+/// Where the motion of a particle starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Control {
-    /// Body motion (dx, dy, dphi) in the previous body frame: metres, radians.
-    pub increment: [f64; 3],
-    /// Its covariance.
-    pub covariance: Matrix3<f64>,
-    /// Seconds between the steps.
-    pub dt_s: f64,
-    /// Metres driven between the steps.
-    pub distance_m: f64,
+pub(crate) struct Departure {
+    /// Pose at the last filter step.
+    pub(crate) pose: CameraPose,
+    /// Metres per unit of length of the particle.
+    pub(crate) scale: f64,
+    /// Variance of the scale.
+    pub(crate) scale_variance: f64,
 }
 
-/// What the carrier does beyond its odometry.
+/// The freedoms of the carrier that odometry does not measure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CarrierModel {
-    /// Planar camera position in the body, metres.
-    pub lever_m: Vector2<f64>,
+pub(crate) struct CarrierModel {
     /// Standard deviation of roll and pitch, radians; zero for a strictly planar carrier.
-    pub tilt_sigma: f64,
+    pub(crate) tilt_sigma: f64,
     /// Time after which roll and pitch are forgotten, seconds.
-    pub tilt_time_s: f64,
+    pub(crate) tilt_time_s: f64,
     /// Height change per distance driven (standard deviation of the slope).
-    pub slope_sigma: f64,
+    pub(crate) slope_sigma: f64,
     /// Drift of the local scale, relative, per square root of a metre.
-    pub scale_drift: f64,
+    pub(crate) scale_drift: f64,
     /// Standard deviation of the scale at the start, relative; zero switches
     /// the marginalised scale off.
-    pub scale_sigma: f64,
+    pub(crate) scale_sigma: f64,
 }
 
 /// Floors that keep the prior covariance positive definite: a tenth of a
@@ -58,24 +51,24 @@ const PINNED_FLOOR: f64 = 1e-7;
 
 /// Gaussian prior of the pose of one frame in one particle.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MotionPrior {
+pub(crate) struct MotionPrior {
     /// Pose the motion started from.
-    pub from: CameraPose,
+    pub(crate) from: CameraPose,
     /// Mean.
-    pub mean: CameraPose,
+    pub(crate) mean: CameraPose,
     /// Lower Cholesky factor of the covariance.
-    pub factor: PoseMatrix,
+    pub(crate) factor: PoseMatrix,
     /// d pose / d s.
-    pub scale_gain: PoseStep,
+    pub(crate) scale_gain: PoseStep,
     /// Variance added to the scale by its drift over the step.
-    pub scale_drift_variance: f64,
+    pub(crate) scale_drift_variance: f64,
     lever_m: Vector2<f64>,
 }
 
 impl MotionPrior {
     /// log N(pose; mean, A A^T) up to a constant.
     #[must_use]
-    pub fn log_density(&self, pose: &CameraPose) -> f64 {
+    pub(crate) fn log_density(&self, pose: &CameraPose) -> f64 {
         self.factor
             .solve_lower_triangular(&self.mean.local(pose))
             .map_or(f64::NEG_INFINITY, |w| -0.5 * w.norm_squared())
@@ -83,7 +76,7 @@ impl MotionPrior {
 
     /// (R(phi) - R(phi_from)) l: how the camera moves when the body only turns, metres.
     #[must_use]
-    pub fn lever_displacement(&self, phi: f64) -> Vector2<f64> {
+    pub(crate) fn lever_displacement(&self, phi: f64) -> Vector2<f64> {
         rotate(phi, &self.lever_m) - rotate(self.from.phi, &self.lever_m)
     }
 }
@@ -94,15 +87,25 @@ fn rotate(phi: f64, v: &Vector2<f64>) -> Vector2<f64> {
 }
 
 impl CarrierModel {
-    /// The prior of `particle` after `control`.
+    /// The prior after `control`, for a camera at `lever_m` in the body.
     #[must_use]
-    pub fn prior(&self, particle: &Particle, control: &Control) -> MotionPrior {
-        let from = particle.pose;
-        let [dx, dy, dphi] = control.increment;
-        let scale = particle.metric.mean.x;
+    pub(crate) fn prior(
+        &self,
+        lever_m: &Vector2<f64>,
+        departure: &Departure,
+        control: &Control,
+    ) -> MotionPrior {
+        let Departure {
+            pose: from, scale, ..
+        } = *departure;
+        let Se2 {
+            x: dx,
+            y: dy,
+            phi: dphi,
+        } = control.increment;
         let (sin, cos) = from.phi.sin_cos();
         let turned = from.phi + dphi;
-        let lever_shift = rotate(turned, &self.lever_m) - rotate(from.phi, &self.lever_m);
+        let lever_shift = rotate(turned, lever_m) - rotate(from.phi, lever_m);
         let metric_step = rotate(from.phi, &Vector2::new(dx, dy)) + lever_shift;
         let step = metric_step / scale;
 
@@ -119,7 +122,7 @@ impl CarrierModel {
         mean.pitch *= keep;
 
         // d(c_x, c_y, phi) / d(dx, dy, dphi)
-        let lever_rate = rotate(turned, &Vector2::new(-self.lever_m.y, self.lever_m.x));
+        let lever_rate = rotate(turned, &Vector2::new(-lever_m.y, lever_m.x));
         let jacobian = Matrix3::new(
             cos / scale,
             -sin / scale,
@@ -137,14 +140,14 @@ impl CarrierModel {
         scale_gain[1] = -step.y / scale;
         let (scale_drift_variance, scale_variance) = if self.scale_sigma > 0.0 {
             let drift = self.scale_drift * self.scale_drift * control.distance_m * scale * scale;
-            (drift, particle.metric.covariance[(0, 0)] + drift)
+            (drift, departure.scale_variance + drift)
         } else {
             (0.0, 0.0)
         };
 
         let mut covariance = scale_gain * scale_gain.transpose() * scale_variance;
-        for (i, gi) in [0, 1, 3].into_iter().enumerate() {
-            for (j, gj) in [0, 1, 3].into_iter().enumerate() {
+        for (i, gi) in PLANAR.into_iter().enumerate() {
+            for (j, gj) in PLANAR.into_iter().enumerate() {
                 covariance[(gi, gj)] += planar[(i, j)];
             }
         }
@@ -174,7 +177,7 @@ impl CarrierModel {
             factor,
             scale_gain,
             scale_drift_variance,
-            lever_m: self.lever_m,
+            lever_m: *lever_m,
         }
     }
 }

@@ -1,16 +1,16 @@
-//! What one frame measured, the same for every particle.
+//! The measurements of one frame, the same for every particle.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::landmark::{Landmark, LandmarkGeometry, Lens};
-use super::motion::Control;
 use super::particle::Particle;
 use super::pose::PlacedCamera;
+use crate::odometry::Control;
 
 /// How a match enters the pose: decided once for all particles, so that their
 /// weights compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scoring {
+pub(crate) enum Scoring {
     /// Both pixel coordinates.
     Full,
     /// Only the coordinate across the epipolar line: the depth is still open.
@@ -22,68 +22,77 @@ pub enum Scoring {
 
 /// One keypoint matched to one landmark.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MatchedFeature {
+pub(crate) struct MatchedFeature {
     /// Landmark.
-    pub id: u32,
+    pub(crate) id: u32,
     /// Measured pixel, undistorted.
-    pub pixel: Vector2<f64>,
+    pub(crate) pixel: Vector2<f64>,
     /// Variance of each pixel coordinate.
-    pub variance_px2: f64,
+    pub(crate) variance_px2: f64,
     /// How it enters the pose.
-    pub scoring: Scoring,
+    pub(crate) scoring: Scoring,
     /// The landmark before its second sighting, the same in every particle;
     /// `None` once the particles hold it.
-    pub prototype: Option<Landmark>,
+    pub(crate) prototype: Option<Landmark>,
+}
+
+/// A sighting at a keyframe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sighting {
+    /// Keyframe index.
+    pub(crate) keyframe: u32,
+    /// Ideal pixel.
+    pub(crate) pixel: Vector2<f64>,
 }
 
 /// A landmark that starts from two views (delayed methods).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Initialisation {
+pub(crate) struct Initialisation {
     /// Landmark.
-    pub id: u32,
-    /// First sighting: keyframe and ideal pixel.
-    pub first: (u32, Vector2<f64>),
+    pub(crate) id: u32,
+    /// First sighting.
+    pub(crate) first: Sighting,
     /// Ideal pixel in this frame.
-    pub second: Vector2<f64>,
+    pub(crate) second: Vector2<f64>,
     /// Pixel noise.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 /// Everything a filter step needs from one frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FrameObservation {
+pub(crate) struct FrameObservation {
     /// Odometry since the last filter step.
-    pub control: Control,
+    pub(crate) control: Control,
     /// Matches, in order of landmark id.
-    pub matches: Vec<MatchedFeature>,
+    pub(crate) matches: Vec<MatchedFeature>,
     /// Landmarks that start from two views with this frame.
-    pub initialised: Vec<Initialisation>,
+    pub(crate) initialised: Vec<Initialisation>,
     /// Landmarks that leave the map with this frame.
-    pub removed: Vec<u32>,
+    pub(crate) removed: Vec<u32>,
 }
 
 /// A match with the landmark as one particle knows it.
 #[derive(Debug, Clone, Copy)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     /// Geometry of the landmark in the particle.
-    pub geometry: LandmarkGeometry,
+    pub(crate) geometry: LandmarkGeometry,
     /// Parameters.
-    pub mean: Vector3<f64>,
+    pub(crate) mean: Vector3<f64>,
     /// Covariance of the parameters.
-    pub covariance: Matrix3<f64>,
+    pub(crate) covariance: Matrix3<f64>,
     /// Measured pixel.
-    pub pixel: Vector2<f64>,
+    pub(crate) pixel: Vector2<f64>,
     /// Its variance.
-    pub variance_px2: f64,
+    pub(crate) variance_px2: f64,
     /// How it enters the pose.
-    pub scoring: Scoring,
+    pub(crate) scoring: Scoring,
 }
 
 impl Prepared {
     /// Parameters at which to linearise: those of the mean, or of the depth the
     /// pixel shows when the depth is open.
     #[must_use]
-    pub fn focus(&self, lens: &Lens, camera: &PlacedCamera) -> Vector3<f64> {
+    pub(crate) fn focus(&self, lens: &Lens, camera: &PlacedCamera) -> Vector3<f64> {
         if self.scoring == Scoring::AcrossEpipolar {
             let highest = self.mean.z + 4.0 * self.covariance[(2, 2)].sqrt();
             lens.refocus(camera, &self.geometry, &self.mean, &self.pixel, highest)
@@ -94,7 +103,7 @@ impl Prepared {
 
     /// sigma_rho when the depth is open, that is sigma_rho / rho above `threshold`.
     #[must_use]
-    pub fn open_sigma(&self, threshold: f64) -> Option<f64> {
+    pub(crate) fn open_sigma(&self, threshold: f64) -> Option<f64> {
         let sigma = self.covariance[(2, 2)].sqrt();
         (self.geometry.is_inverse_depth() && sigma > threshold * self.mean.z.abs()).then_some(sigma)
     }
@@ -104,7 +113,7 @@ impl FrameObservation {
     /// The matches that enter the pose of `particle`, in order; `None` where the
     /// particle lacks the landmark.
     #[must_use]
-    pub fn prepare(&self, particle: &Particle) -> Vec<Option<Prepared>> {
+    pub(crate) fn prepare(&self, particle: &Particle) -> Vec<Option<Prepared>> {
         self.matches
             .iter()
             .filter(|m| m.scoring != Scoring::MapOnly)

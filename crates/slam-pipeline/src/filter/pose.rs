@@ -1,42 +1,48 @@
-//! The pose a particle samples: where the camera is and how the body is turned.
+//! The pose that a particle samples: the position of the camera and the attitude of the body.
 //!
-//! Six numbers: the camera centre (x, y, z) in the particle's own length unit,
-//! the heading phi of the body, and its roll and pitch. The planar part is the
-//! paper's state; z, roll and pitch are the small nuisance states of a carrier
-//! that is not quite planar. They are zero in the strictly planar methods.
-//! The camera centre, not the body, is the state because scaling the camera
-//! path and the map together changes no pixel, whatever the lever arm.
+//! It has six numbers: the camera centre (x, y, z) in the particle's own length unit, the heading phi of the body, and
+//! its roll and pitch. The planar part is the paper's state; z, roll and pitch are the small nuisance states of a
+//! carrier that is not quite planar. They are zero in the strictly planar methods. The camera centre, not the body, is
+//! the state because scaling the camera path and the map together changes no pixel, whatever the lever arm is.
 //!
 //! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
 
 use mono_geometry::Se2;
 use mono_geometry::angle::wrap;
 use mono_geometry::mount::world_from_tilted_body;
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use crate::rig::Rig;
 
 /// Dimension of the sampled pose.
-pub const POSE_DIM: usize = 6;
+pub(crate) const POSE_DIM: usize = 6;
 
 /// Tangent of a pose: (dx, dy, dz, dphi, droll, dpitch).
-pub type PoseStep = SVector<f64, POSE_DIM>;
+pub(crate) type PoseStep = SVector<f64, POSE_DIM>;
+
+/// 6 x 6 matrix over the pose tangent.
+pub(crate) type PoseMatrix = SMatrix<f64, POSE_DIM, POSE_DIM>;
+
+/// Rows of the pose tangent that belong to the plane: x, y and heading.
+pub(crate) const PLANAR: [usize; 3] = [0, 1, 3];
 
 /// Camera centre and body attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraPose {
+pub(crate) struct CameraPose {
     /// Camera centre in the particle's world, in its length unit.
-    pub centre: Vector3<f64>,
+    pub(crate) centre: Vector3<f64>,
     /// Heading of the body, radians, in (-pi, pi].
-    pub phi: f64,
+    pub(crate) phi: f64,
     /// Roll of the body, radians.
-    pub roll: f64,
+    pub(crate) roll: f64,
     /// Pitch of the body, radians.
-    pub pitch: f64,
+    pub(crate) pitch: f64,
 }
 
 impl CameraPose {
     /// The pose moved by a tangent step; the heading stays wrapped.
     #[must_use]
-    pub fn retract(&self, step: &PoseStep) -> Self {
+    pub(crate) fn retract(&self, step: &PoseStep) -> Self {
         Self {
             centre: self.centre + step.fixed_rows::<3>(0),
             phi: wrap(self.phi + step[3]),
@@ -47,7 +53,7 @@ impl CameraPose {
 
     /// The step that leads from `self` to `other`; heading differences are wrapped.
     #[must_use]
-    pub fn local(&self, other: &Self) -> PoseStep {
+    pub(crate) fn local(&self, other: &Self) -> PoseStep {
         let d = other.centre - self.centre;
         PoseStep::from([
             d.x,
@@ -61,7 +67,7 @@ impl CameraPose {
 
     /// Rotation from body to world axes.
     #[must_use]
-    pub fn world_from_body(&self) -> Matrix3<f64> {
+    pub(crate) fn world_from_body(&self) -> Matrix3<f64> {
         let heading = Se2::new(0.0, 0.0, self.phi);
         *world_from_tilted_body(&heading, self.roll, self.pitch, 0.0)
             .rotation
@@ -71,20 +77,20 @@ impl CameraPose {
 
 /// A camera placed in the world, ready to project: the cached form of a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlacedCamera {
+pub(crate) struct PlacedCamera {
     /// Camera centre in world axes.
-    pub centre: Vector3<f64>,
+    pub(crate) centre: Vector3<f64>,
     /// Rotation from world to camera axes.
-    pub camera_from_world: Matrix3<f64>,
+    pub(crate) camera_from_world: Matrix3<f64>,
 }
 
 impl PlacedCamera {
-    /// Places the camera of `pose`, mounted with `body_from_camera`.
+    /// Places the camera of `rig` at `pose`.
     #[must_use]
-    pub fn new(pose: &CameraPose, body_from_camera: &Matrix3<f64>) -> Self {
+    pub(crate) fn new(rig: &Rig, pose: &CameraPose) -> Self {
         Self {
             centre: pose.centre,
-            camera_from_world: (pose.world_from_body() * body_from_camera).transpose(),
+            camera_from_world: (pose.world_from_body() * rig.body_from_camera()).transpose(),
         }
     }
 }

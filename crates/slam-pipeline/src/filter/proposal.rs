@@ -19,33 +19,25 @@ use super::motion::CarrierModel;
 use super::observation::FrameObservation;
 use super::particle::{Drawn, Particle};
 use super::pose::PoseStep;
-
-/// Where poses are drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ProposalKind {
-    /// The odometry prior.
-    Motion,
-    /// The unscented posterior given all matches, linearised this often.
-    Unscented {
-        /// Linearisations.
-        iterations: usize,
-    },
-}
+use crate::method::{ProposalKind, WeightForm};
+use crate::rig::Rig;
 
 /// Proposal and importance weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PoseProposal {
+pub(crate) struct PoseProposal<'a> {
+    /// Camera and mount.
+    pub(crate) rig: &'a Rig,
     /// Odometry prior.
-    pub carrier: CarrierModel,
+    pub(crate) carrier: &'a CarrierModel,
     /// Observation model.
-    pub likelihood: Likelihood,
-    /// Where poses are drawn from.
-    pub kind: ProposalKind,
-    /// Leave prior and proposal density out of the weight, as Eq. 31 does.
-    pub likelihood_only: bool,
+    pub(crate) likelihood: &'a Likelihood,
+    /// Distribution that poses are drawn from.
+    pub(crate) kind: ProposalKind,
+    /// Form of the importance weight.
+    pub(crate) weight: WeightForm,
 }
 
-impl Proposal<Particle, FrameObservation> for PoseProposal {
+impl Proposal<Particle, FrameObservation> for PoseProposal<'_> {
     type Error = Infallible;
 
     fn propose(
@@ -54,22 +46,22 @@ impl Proposal<Particle, FrameObservation> for PoseProposal {
         observation: &FrameObservation,
         rng: &mut ChaCha8Rng,
     ) -> Result<f64, Infallible> {
-        let prior = self.carrier.prior(particle, &observation.control);
+        let prior = self.carrier.prior(
+            &self.rig.lever_m(),
+            &particle.departure(),
+            &observation.control,
+        );
         let matches = observation.prepare(particle);
         let posterior = match self.kind {
             ProposalKind::Motion => PosePosterior::prior(),
-            ProposalKind::Unscented { iterations } => pose_posterior(
-                &self.likelihood.lens,
-                &self.likelihood.body_from_camera,
-                &prior,
-                &matches,
-                iterations,
-            ),
+            ProposalKind::Unscented { iterations } => {
+                pose_posterior(self.rig, &prior, &matches, iterations)
+            }
         };
         let normal = PoseStep::from_fn(|_, _| StandardNormal.sample(rng));
         let whitened = posterior.mean + posterior.factor * normal;
         let pose = prior.mean.retract(&(prior.factor * whitened));
-        let log_likelihood = self.likelihood.log(&pose, &matches);
+        let log_likelihood = self.likelihood.log(self.rig, &pose, &matches);
         // N(xi; 0, I) / N(xi; mean, C C^T); the constants cancel.
         let log_ratio =
             0.5 * (normal.norm_squared() - whitened.norm_squared()) + posterior.log_det_factor;
@@ -78,10 +70,9 @@ impl Proposal<Particle, FrameObservation> for PoseProposal {
             step_factor: prior.factor * posterior.factor,
             prior,
         }));
-        Ok(if self.likelihood_only {
-            log_likelihood
-        } else {
-            log_likelihood + log_ratio
+        Ok(match self.weight {
+            WeightForm::LikelihoodOnly => log_likelihood,
+            WeightForm::Importance => log_likelihood + log_ratio,
         })
     }
 }

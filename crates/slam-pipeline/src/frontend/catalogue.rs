@@ -1,208 +1,247 @@
-//! What all particles share of a landmark: identity, descriptor, first
-//! sighting, and the belief that it exists.
+//! The catalogue: the part of a landmark that all particles share.
 //!
-//! A feature seen once is *tentative*: its Gaussian in the anchor camera is the
-//! same in every particle, so no particle stores it. The second sighting makes
-//! it a landmark of every map.
+//! It holds the identity, the descriptor, the first and last sighting and the belief that the landmark exists. A
+//! feature seen once is *tentative*: its Gaussian in the anchor camera is the same in every particle, so no particle
+//! stores it. The second sighting makes it a landmark of every map.
+//!
+//! A keyframe collects its changes in a [`CatalogueUpdate`] and applies them at its end.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use feature_kdtree::{AutoIndex, Descriptor, DescriptorIndex, IndexError, distance_squared};
-use nalgebra::{Vector2, Vector3};
+use feature_kdtree::{
+    Descriptor, DescriptorIndex as _, IndexError, KdForest, KdForestParams, distance_squared,
+};
+use nalgebra::Vector3;
 
+use super::existence::Existence;
 use crate::filter::landmark::Landmark;
+use crate::filter::observation::Sighting;
+use crate::method::DescriptorSearch;
 
-/// log odds ratio of a match: 60 % of the landmarks in view are found again,
-/// 5 % of wrong ones find some match.
-const LOG_ODDS_SEEN: f64 = 2.48;
-/// The same for a landmark in view that was not found: ln(0.4 / 0.95).
-const LOG_ODDS_MISSED: f64 = -0.865;
-/// Belief saturates here, so that a landmark can still be forgotten.
-const LOG_ODDS_CEILING: f64 = 5.0;
-/// Removed below this: odds of 1 to 20 against.
-const LOG_ODDS_FLOOR: f64 = -3.0;
-
-/// Squared descriptor distance at which the index learns the new look: half of
-/// what separates most true matches from false ones.
+/// Squared descriptor distance at which the forest learns the new look of a landmark: half of what separates most
+/// true matches from false ones.
 const REINDEX_DISTANCE_SQUARED: u32 = 120 * 120;
 
 /// Whether the particles hold the landmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Seen, not in the map.
+pub(crate) enum Stage {
+    /// Seen once, not in the map.
     Tentative,
     /// In the map of every particle.
     Mapped,
 }
 
-/// A sighting at a keyframe.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sighting {
-    /// Keyframe index.
-    pub keyframe: u32,
-    /// Ideal pixel.
-    pub pixel: Vector2<f64>,
-}
-
-/// One landmark or candidate.
+/// One landmark or tentative feature.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Whether the particles hold it.
-    pub stage: Stage,
+    pub(crate) stage: Stage,
     /// Descriptor of the last sighting.
-    pub descriptor: Box<Descriptor>,
-    /// Descriptor the index holds: renewed when the look has changed, since
-    /// every change of the index costs.
-    indexed: Box<Descriptor>,
+    pub(crate) descriptor: Box<Descriptor>,
     /// Gaussian after the first sighting, in the anchor camera.
-    pub prototype: Landmark,
+    pub(crate) prototype: Landmark,
     /// First sighting.
-    pub first: Sighting,
+    pub(crate) first: Sighting,
     /// Last sighting.
-    pub last: Sighting,
+    pub(crate) last: Sighting,
     /// Direction from the camera to it at the last sighting, world axes.
-    pub last_direction: Vector3<f64>,
+    pub(crate) last_direction: Vector3<f64>,
     /// Sightings at keyframes.
-    pub observations: u32,
-    /// Belief that it exists, log odds.
-    pub log_odds: f64,
+    pub(crate) observations: u32,
+    /// Belief that it exists.
+    pub(crate) existence: Existence,
 }
 
-/// All landmarks and candidates, by id.
-#[derive(Debug)]
-pub struct Catalogue {
+/// A landmark seen again.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SeenAgain {
+    /// Landmark.
+    pub(crate) id: u32,
+    /// Its descriptor in this frame.
+    pub(crate) descriptor: Descriptor,
+    /// Where it was seen.
+    pub(crate) sighting: Sighting,
+    /// Direction from the camera to it, world axes.
+    pub(crate) direction: Vector3<f64>,
+}
+
+/// A feature seen for the first time.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct NewFeature {
+    /// Its descriptor.
+    pub(crate) descriptor: Descriptor,
+    /// Gaussian after this sighting.
+    pub(crate) prototype: Landmark,
+    /// Where it was seen.
+    pub(crate) sighting: Sighting,
+}
+
+/// The changes that one keyframe makes, in the order in which they take effect.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct CatalogueUpdate {
+    /// Landmarks in view that were not found.
+    pub(crate) missed: Vec<u32>,
+    /// Tentative features that the particles hold from now on.
+    pub(crate) promoted: Vec<u32>,
+    /// Landmarks that leave the map.
+    pub(crate) removed: Vec<u32>,
+    /// Landmarks and features seen again.
+    pub(crate) seen: Vec<SeenAgain>,
+    /// Features seen for the first time.
+    pub(crate) new: Vec<NewFeature>,
+    /// Tentative features whose last sighting is older than this keyframe are forgotten.
+    pub(crate) forget_before: u32,
+}
+
+/// All landmarks and tentative features, by id.
+#[derive(Debug, Clone)]
+pub(crate) struct Catalogue {
     entries: BTreeMap<u32, Entry>,
-    index: AutoIndex,
     next_id: u32,
+    /// Descriptors of all entries, where the method searches the whole map.
+    forest: Option<KdForest>,
 }
 
 impl Catalogue {
-    /// An empty catalogue.
+    /// An empty catalogue that can be searched as `search` asks.
     ///
     /// # Errors
-    /// Those of the descriptor index.
-    pub fn new() -> Result<Self, IndexError> {
+    /// Those of the forest's parameters.
+    pub(crate) fn new(search: DescriptorSearch) -> Result<Self, IndexError> {
         Ok(Self {
             entries: BTreeMap::new(),
-            index: AutoIndex::new(),
             next_id: 0,
+            forest: match search {
+                DescriptorSearch::InView => None,
+                DescriptorSearch::WholeMapForest => Some(KdForest::new(KdForestParams::default())?),
+            },
         })
     }
 
-    /// Entries in id order.
-    pub fn iter(&self) -> impl Iterator<Item = (u32, &Entry)> {
+    /// Entries in order of id.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, &Entry)> {
         self.entries.iter().map(|(id, e)| (*id, e))
     }
 
     /// The entry `id`.
     #[must_use]
-    pub fn get(&self, id: u32) -> Option<&Entry> {
+    pub(crate) fn get(&self, id: u32) -> Option<&Entry> {
         self.entries.get(&id)
     }
 
-    /// Landmarks in the maps.
+    /// Number of landmarks in the maps.
     #[must_use]
-    pub fn mapped(&self) -> usize {
+    pub(crate) fn mapped(&self) -> usize {
         self.entries
             .values()
             .filter(|e| e.stage == Stage::Mapped)
             .count()
     }
 
-    /// The descriptor index over all entries.
+    /// The forest over the descriptors of all entries; `None` where the method does not search the whole map.
     #[must_use]
-    pub fn index(&self) -> &AutoIndex {
-        &self.index
+    pub(crate) fn forest(&self) -> Option<&KdForest> {
+        self.forest.as_ref()
     }
 
-    /// Adds a tentative feature and returns its id.
+    /// The forest as it will be after `update`. O(n) for the copy; the catalogue itself does not change.
     ///
     /// # Errors
-    /// Those of the descriptor index.
-    pub fn add(
-        &mut self,
-        descriptor: &Descriptor,
-        prototype: Landmark,
-        sighting: Sighting,
-    ) -> Result<u32, IndexError> {
-        let id = self.next_id;
-        self.index.insert(id, descriptor)?;
-        self.next_id += 1;
-        self.entries.insert(
-            id,
-            Entry {
-                stage: Stage::Tentative,
-                descriptor: Box::new(*descriptor),
-                indexed: Box::new(*descriptor),
-                prototype,
-                first: sighting,
-                last: sighting,
-                last_direction: Vector3::zeros(),
-                observations: 1,
-                log_odds: 0.0,
-            },
-        );
-        Ok(id)
-    }
-
-    /// Records a sighting: newest descriptor, more belief.
-    ///
-    /// # Errors
-    /// Those of the descriptor index.
-    pub fn record_sighting(
-        &mut self,
-        id: u32,
-        descriptor: &Descriptor,
-        sighting: Sighting,
-        direction: Vector3<f64>,
-    ) -> Result<(), IndexError> {
-        if let Some(entry) = self.entries.get_mut(&id) {
-            if distance_squared(&entry.indexed, descriptor) > REINDEX_DISTANCE_SQUARED {
-                self.index.remove(id);
-                self.index.insert(id, descriptor)?;
-                *entry.indexed = *descriptor;
+    /// Those of the index.
+    pub(crate) fn forest_after(
+        &self,
+        update: &CatalogueUpdate,
+    ) -> Result<Option<KdForest>, IndexError> {
+        let Some(mut forest) = self.forest.clone() else {
+            return Ok(None);
+        };
+        for id in &update.removed {
+            forest.remove(*id);
+        }
+        for seen in &update.seen {
+            let differs = forest.descriptor(seen.id).is_some_and(|held| {
+                distance_squared(&held, &seen.descriptor) > REINDEX_DISTANCE_SQUARED
+            });
+            if differs {
+                forest.remove(seen.id);
+                forest.insert(seen.id, &seen.descriptor)?;
             }
-            *entry.descriptor = *descriptor;
-            entry.last = sighting;
-            entry.last_direction = direction;
-            entry.observations += 1;
-            entry.log_odds = (entry.log_odds + LOG_ODDS_SEEN).min(LOG_ODDS_CEILING);
         }
-        Ok(())
-    }
-
-    /// Marks `id` as held by the particles.
-    pub fn promote(&mut self, id: u32) {
-        if let Some(entry) = self.entries.get_mut(&id) {
-            entry.stage = Stage::Mapped;
+        for (id, new) in (self.next_id..).zip(&update.new) {
+            forest.insert(id, &new.descriptor)?;
         }
-    }
-
-    /// Records that `id` was in view and not found; true when it is now believed gone.
-    pub fn record_miss(&mut self, id: u32) -> bool {
-        self.entries.get_mut(&id).is_some_and(|entry| {
-            entry.log_odds += LOG_ODDS_MISSED;
-            entry.log_odds < LOG_ODDS_FLOOR
-        })
-    }
-
-    /// Removes an entry.
-    pub fn remove(&mut self, id: u32) {
-        if self.entries.remove(&id).is_some() {
-            self.index.remove(id);
+        for id in self.forgotten(update) {
+            forest.remove(id);
         }
+        Ok(Some(forest))
     }
 
-    /// Removes tentative features not seen since keyframe `oldest`.
-    pub fn forget_tentative_before(&mut self, oldest: u32) {
-        let gone: Vec<u32> = self
-            .entries
+    /// Applies the changes of a keyframe; `forest` is that of [`Catalogue::forest_after`].
+    pub(crate) fn apply(&mut self, update: CatalogueUpdate, forest: Option<KdForest>) {
+        let forgotten = self.forgotten(&update);
+        for id in update.missed {
+            if let Some(entry) = self.entries.get_mut(&id) {
+                entry.existence = entry.existence.missed();
+            }
+        }
+        for id in update.promoted {
+            if let Some(entry) = self.entries.get_mut(&id) {
+                entry.stage = Stage::Mapped;
+            }
+        }
+        for id in update.removed {
+            self.entries.remove(&id);
+        }
+        for seen in update.seen {
+            if let Some(entry) = self.entries.get_mut(&seen.id) {
+                *entry.descriptor = seen.descriptor;
+                entry.last = seen.sighting;
+                entry.last_direction = seen.direction;
+                entry.observations += 1;
+                entry.existence = entry.existence.seen();
+            }
+        }
+        for new in update.new {
+            self.entries.insert(
+                self.next_id,
+                Entry {
+                    stage: Stage::Tentative,
+                    descriptor: Box::new(new.descriptor),
+                    prototype: new.prototype,
+                    first: new.sighting,
+                    last: new.sighting,
+                    last_direction: Vector3::zeros(),
+                    observations: 1,
+                    existence: Existence::default(),
+                },
+            );
+            self.next_id += 1;
+        }
+        for id in forgotten {
+            self.entries.remove(&id);
+        }
+        self.forest = forest;
+    }
+
+    /// Tentative features that `update` neither sees nor promotes and whose time is over.
+    fn forgotten(&self, update: &CatalogueUpdate) -> Vec<u32> {
+        let kept: BTreeSet<u32> = update
+            .seen
             .iter()
-            .filter(|(_, e)| e.stage == Stage::Tentative && e.last.keyframe < oldest)
-            .map(|(id, _)| *id)
+            .map(|seen| seen.id)
+            .chain(update.promoted.iter().copied())
             .collect();
-        for id in gone {
-            self.remove(id);
-        }
+        self.entries
+            .iter()
+            .filter(|(_, e)| e.stage == Stage::Tentative && e.last.keyframe < update.forget_before)
+            .map(|(id, _)| *id)
+            .filter(|id| !kept.contains(id))
+            .collect()
+    }
+
+    /// Gives out identities from zero again, so that a test can make the forest refuse them.
+    #[cfg(test)]
+    pub(crate) fn restart_identities(&mut self) {
+        self.next_id = 0;
     }
 }

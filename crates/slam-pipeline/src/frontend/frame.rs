@@ -13,18 +13,18 @@ const BUCKET: usize = 256;
 
 /// Features of one frame with their ideal pixels.
 #[derive(Debug)]
-pub struct FrameFeatures<'a> {
+pub(crate) struct FrameFeatures<'a> {
     /// Keypoints and descriptors as detected.
-    pub features: &'a Features,
+    pub(crate) features: &'a Features,
     /// Ideal pinhole pixel of each keypoint; `None` outside the lens model.
-    pub ideal: Vec<Option<Vector2<f64>>>,
+    pub(crate) ideal: Vec<Option<Vector2<f64>>>,
     tree: KdTree<f64, u64, 2, BUCKET, u32>,
 }
 
 impl<'a> FrameFeatures<'a> {
     /// Undistorts the keypoints. O(n log n).
     #[must_use]
-    pub fn new(features: &'a Features, camera: &Camera) -> Self {
+    pub(crate) fn new(features: &'a Features, camera: &Camera) -> Self {
         let ideal: Vec<_> = features
             .keypoints
             .iter()
@@ -49,7 +49,7 @@ impl<'a> FrameFeatures<'a> {
 
     /// Keypoints within `radius_px` of `pixel`, in index order.
     #[must_use]
-    pub fn near(&self, pixel: &Vector2<f64>, radius_px: f64) -> Vec<usize> {
+    pub(crate) fn near(&self, pixel: &Vector2<f64>, radius_px: f64) -> Vec<usize> {
         let mut found: Vec<usize> = self
             .tree
             .within_unsorted::<SquaredEuclidean>(&[pixel.x, pixel.y], radius_px * radius_px)

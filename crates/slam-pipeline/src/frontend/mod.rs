@@ -1,9 +1,18 @@
 //! From keypoints to matched landmarks.
 //!
-//! [`catalogue`] is what all particles share of a landmark (identity,
-//! descriptor, belief that it exists); [`association`] decides which keypoint
-//! shows which landmark.
+//! Reading order: [`frame`] (the keypoints of a frame, undistorted), [`catalogue`] (the landmarks as all particles
+//! share them), [`existence`] (the belief that a landmark is still there), [`gate`], [`prediction`], [`matching`],
+//! [`consensus`], [`missed`], and [`associate`], which runs them in this order.
 
-pub mod association;
-pub mod catalogue;
-pub mod frame;
+pub(crate) mod associate;
+pub(crate) mod association;
+pub(crate) mod catalogue;
+pub(crate) mod consensus;
+pub(crate) mod existence;
+pub(crate) mod frame;
+pub(crate) mod gate;
+pub(crate) mod matching;
+pub(crate) mod missed;
+pub(crate) mod prediction;
+#[cfg(test)]
+mod tests;

@@ -1,141 +1,77 @@
-//! What is reported: pose, covariance, path and map in metres.
+//! The reported pose and its covariance, at keyframes and between them.
 
 use mono_geometry::Se2;
+use mono_geometry::angle::wrap;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+use rbpf_core::ParticleSet;
 
-use super::{FrameOutcome, Slam};
+use super::{PoseEstimate, Slam};
 use crate::filter::drift::{Support, cover};
 use crate::filter::linearised::PosePosterior;
-use crate::filter::motion::{Control, MotionPrior};
+use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
-use crate::frontend::catalogue::Stage;
-use crate::record::{LandmarkRecord, PlanarPose};
+use crate::filter::pose::{PLANAR, PoseMatrix};
+use crate::method::ReportedCovariance;
+use crate::odometry::Control;
 
 impl Slam {
-    /// Weighted mean and covariance of the body pose over the particles, plus
-    /// what each particle leaves open, the constant scale error of the wheels and
-    /// the drift of the path the particles share.
+    /// The estimate at a new keyframe: weighted mean and covariance of the body pose over the particles, with the part
+    /// that each particle leaves open, the drift of the path that the particles share, and the constant scale error of
+    /// the wheels.
     pub(super) fn estimate(
         &mut self,
         support: Option<&Support>,
         control: &Control,
-    ) -> (PlanarPose, Matrix3<f64>) {
-        let (pose, covariance) = self.spread();
-        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.last_outcome.0.phi);
+    ) -> PoseEstimate {
+        let PoseEstimate { pose, covariance } = spread(self.state.filter.set());
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.state.last.pose.phi);
         let odometry = turn.matrix() * control.covariance * turn.matrix().transpose();
         let drift = self
+            .state
             .drift
             .push(Vector2::new(pose.x, pose.y), support, &odometry);
-        // The methods of the paper report what their particles show.
-        let covered = if self.mapping.delayed.is_none() {
-            cover(&covariance, &drift)
-        } else {
-            covariance
+        let covered = match self.policies.reported {
+            ReportedCovariance::SpreadAndDrift => cover(&covariance, &drift),
+            ReportedCovariance::Spread => covariance,
         };
         let along = Vector3::new(pose.x, pose.y, 0.0) * self.config.odometry.scale_bias;
-        (pose, covered + along * along.transpose())
-    }
-
-    fn spread(&self) -> (PlanarPose, Matrix3<f64>) {
-        let set = self.filter.set();
-        let weights = set.weights();
-        let first = set.particles()[0].pose.phi;
-        let mut mean = Vector3::zeros();
-        for (w, p) in weights.iter().zip(set.particles()) {
-            let turn = mono_geometry::angle::wrap(p.pose.phi - first);
-            mean += Vector3::new(p.metric.mean.y, p.metric.mean.z, turn) * *w;
+        PoseEstimate {
+            pose,
+            covariance: covered + along * along.transpose(),
         }
-        let mut covariance = Matrix3::zeros();
-        for (w, p) in weights.iter().zip(set.particles()) {
-            let turn = mono_geometry::angle::wrap(p.pose.phi - first);
-            let d = Vector3::new(p.metric.mean.y, p.metric.mean.z, turn) - mean;
-            covariance += d * d.transpose() * *w;
-            for i in 0..2 {
-                for j in 0..2 {
-                    covariance[(i, j)] += w * p.metric.covariance[(i + 1, j + 1)];
-                }
+    }
+}
+
+/// Weighted mean and covariance of the body pose over the particles, the metric state of each included.
+fn spread(set: &ParticleSet<Particle>) -> PoseEstimate {
+    let weights = set.weights();
+    let first = set.particles()[0].pose.phi;
+    let unwrapped = |p: &Particle| {
+        let position = p.metric.position();
+        Vector3::new(position.x, position.y, wrap(p.pose.phi - first))
+    };
+    let mut mean = Vector3::zeros();
+    for (w, p) in weights.iter().zip(set.particles()) {
+        mean += unwrapped(p) * *w;
+    }
+    let mut covariance = Matrix3::zeros();
+    for (w, p) in weights.iter().zip(set.particles()) {
+        let d = unwrapped(p) - mean;
+        covariance += d * d.transpose() * *w;
+        let open = p.metric.position_covariance();
+        for i in 0..2 {
+            for j in 0..2 {
+                covariance[(i, j)] += w * open[(i, j)];
             }
         }
-        (
-            PlanarPose {
-                x: mean.x,
-                y: mean.y,
-                phi: mono_geometry::angle::wrap(first + mean.z),
-            },
-            covariance,
-        )
     }
-
-    pub(super) fn report_between(
-        &self,
-        reference: &Particle,
-        prior: &MotionPrior,
-        posterior: &PosePosterior,
-        motion: Se2,
-        outcome: &mut FrameOutcome,
-    ) {
-        let (pose, covariance) = self.last_outcome;
-        let at = Se2::new(pose.x, pose.y, pose.phi);
-        let now = at.compose(&motion);
-        let (dx, dy) = (now.x - at.x, now.y - at.y);
-        let transition = Matrix3::new(1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0);
-        let step = posterior.pose_covariance(prior);
-        let s = reference.metric.mean.x;
-        let scale = Vector3::new(s, s, 1.0);
-        let mut added = Matrix3::zeros();
-        for (i, gi) in [0, 1, 3].into_iter().enumerate() {
-            for (j, gj) in [0, 1, 3].into_iter().enumerate() {
-                added[(i, j)] = step[(gi, gj)] * scale[i] * scale[j];
-            }
-        }
-        outcome.pose = PlanarPose {
-            x: now.x,
-            y: now.y,
-            phi: now.phi,
-        };
-        outcome.covariance = transition * covariance * transition.transpose() + added;
-    }
-
-    /// The whole path of the best particle, one body pose per frame.
-    #[must_use]
-    pub fn smoothed_path(&self) -> Vec<PlanarPose> {
-        let set = self.filter.set();
-        let best = &set.particles()[set.best()];
-        self.relative
-            .iter()
-            .filter_map(|(keyframe, motion)| {
-                let body = best.path.get(*keyframe as usize)?.body;
-                let pose = Se2::new(body.x, body.y, body.phi).compose(motion);
-                Some(PlanarPose {
-                    x: pose.x,
-                    y: pose.y,
-                    phi: pose.phi,
-                })
-            })
-            .collect()
-    }
-
-    /// The map of the best particle in metres, in id order; landmarks whose
-    /// depth is not positive are left out.
-    #[must_use]
-    pub fn landmarks(&self) -> Vec<LandmarkRecord> {
-        let set = self.filter.set();
-        let best = &set.particles()[set.best()];
-        self.catalogue
-            .iter()
-            .filter(|(_, e)| e.stage == Stage::Mapped)
-            .filter_map(|(id, entry)| {
-                let landmark = best.map.get(id)?;
-                let (position, covariance) = best.metric_point(landmark, &self.position_in_body)?;
-                Some(LandmarkRecord {
-                    id,
-                    position,
-                    covariance,
-                    observations: entry.observations,
-                    descriptor: Some(entry.descriptor.clone()),
-                })
-            })
-            .collect()
+    PoseEstimate {
+        pose: Se2 {
+            x: mean.x,
+            y: mean.y,
+            phi: wrap(first + mean.z),
+        },
+        covariance,
     }
 }
 
@@ -150,6 +86,31 @@ pub(super) fn relative_motion(
         .metric
         .condition_on_pose(prior, &pose)
         .body(pose.phi);
-    let from = reference.metric.body(reference.pose.phi);
-    Se2::new(from.x, from.y, from.phi).between(&Se2::new(body.x, body.y, body.phi))
+    reference.metric.body(reference.pose.phi).between(&body)
+}
+
+/// The estimate of a frame between keyframes: `motion` on top of `last`, the covariance grown by that of the step.
+///
+/// `step` is the covariance of the pose tangent in the unit of the reference particle, `scale` its metres per unit.
+pub(super) fn between_keyframes(
+    last: &PoseEstimate,
+    motion: &Se2,
+    step: &PoseMatrix,
+    scale: f64,
+) -> PoseEstimate {
+    let at = Se2::new(last.pose.x, last.pose.y, last.pose.phi);
+    let now = at.compose(motion);
+    let (dx, dy) = (now.x - at.x, now.y - at.y);
+    let transition = Matrix3::new(1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0);
+    let unit = Vector3::new(scale, scale, 1.0);
+    let mut added = Matrix3::zeros();
+    for (i, gi) in PLANAR.into_iter().enumerate() {
+        for (j, gj) in PLANAR.into_iter().enumerate() {
+            added[(i, j)] = step[(gi, gj)] * unit[i] * unit[j];
+        }
+    }
+    PoseEstimate {
+        pose: now,
+        covariance: transition * last.covariance * transition.transpose() + added,
+    }
 }

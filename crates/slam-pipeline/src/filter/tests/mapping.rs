@@ -1,26 +1,28 @@
 //! The map of a particle: two-view points, what an update touches.
 
+use crate::filter::landmark::{Landmark, Parametrisation};
+use crate::filter::mapping::{Mapping, two_view};
+use crate::filter::metric::MetricState;
+use crate::filter::observation::{
+    FrameObservation, Initialisation, MatchedFeature, Scoring, Sighting,
+};
+use crate::filter::particle::{Keyframe, Particle};
+use crate::filter::pose::CameraPose;
+use crate::method::LandmarkStart;
+use crate::rig::Rig;
+use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rbpf_core::MapUpdate;
-use slam_pipeline::filter::landmark::{Landmark, Parametrisation};
-use slam_pipeline::filter::landmark_update::LandmarkUpdate;
-use slam_pipeline::filter::mapping::{Mapping, two_view};
-use slam_pipeline::filter::observation::{
-    FrameObservation, Initialisation, MatchedFeature, Scoring,
-};
-use slam_pipeline::filter::particle::{Keyframe, Particle};
-use slam_pipeline::filter::pose::CameraPose;
-use slam_pipeline::record::PlanarPose;
 use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
 
-use crate::common::*;
+use super::common::*;
 
 const SIGMA_PX: f64 = 0.5;
 
 fn keyframe(pose: &CameraPose) -> Keyframe {
     Keyframe {
         camera: place(pose),
-        body: PlanarPose {
+        body: Se2 {
             x: pose.centre.x,
             y: pose.centre.y,
             phi: pose.phi,
@@ -37,14 +39,11 @@ fn two_keyframes() -> Particle {
     p
 }
 
-fn mapping(delayed: Option<f64>) -> Mapping {
+fn mapping(rig: &Rig, start: LandmarkStart) -> Mapping<'_> {
     Mapping {
-        body_from_camera: sideways(),
-        update: LandmarkUpdate {
-            lens: lens(),
-            points: SigmaPoints::default(),
-        },
-        delayed,
+        rig,
+        points: SigmaPoints::default(),
+        start,
     }
 }
 
@@ -67,7 +66,10 @@ fn two_views_meet_in_the_point() {
     let at = ahead(&p.path.get(0).unwrap().camera, 0.2, -0.1, 2.5);
     let new = Initialisation {
         id: 3,
-        first: (0, view(&p, 0, &at)),
+        first: Sighting {
+            keyframe: 0,
+            pixel: view(&p, 0, &at),
+        },
         second: view(&p, 1, &at),
         sigma_px: SIGMA_PX,
     };
@@ -86,7 +88,10 @@ fn two_views_meet_in_the_point() {
             &lens(),
             &p,
             &Initialisation {
-                first: (7, new.second),
+                first: Sighting {
+                    keyframe: 7,
+                    pixel: new.second,
+                },
                 ..new
             }
         )
@@ -110,7 +115,10 @@ fn two_view_errors_are_as_large_as_their_covariance() {
             |pixel: Vector2<f64>| pixel + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
         let new = Initialisation {
             id: 0,
-            first: (0, noisy(view(&p, 0, &at))),
+            first: Sighting {
+                keyframe: 0,
+                pixel: noisy(view(&p, 0, &at)),
+            },
             second: noisy(view(&p, 1, &at)),
             sigma_px: SIGMA_PX,
         };
@@ -144,7 +152,8 @@ fn landmarks_not_measured_stay_where_they_are_in_memory() {
         }],
         ..nothing()
     };
-    let Ok(()) = mapping(None).update_map(&mut after, &observation);
+    let Ok(()) =
+        mapping(&rig(), LandmarkStart::SecondSighting).update_map(&mut after, &observation);
     let shared = after.map.shared_leaves_with(&before.map);
     // 160 ids in leaves of 16; one leaf was written.
     assert_eq!((shared.shared, shared.total), (9, 10));
@@ -159,7 +168,7 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     let p = two_keyframes();
     let at = ahead(&p.path.get(0).unwrap().camera, 0.1, 0.1, 2.0);
     let prototype =
-        Landmark::from_first_sighting(&lens(), 0, &view(&p, 0, &at), SIGMA_PX, (1.25, 0.625));
+        Landmark::from_first_sighting(&lens(), 0, &view(&p, 0, &at), SIGMA_PX, OPEN_DEPTH);
     let observation = FrameObservation {
         matches: vec![MatchedFeature {
             id: 5,
@@ -171,7 +180,8 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
         ..nothing()
     };
     let mut started = p.clone();
-    let Ok(()) = mapping(None).update_map(&mut started, &observation);
+    let Ok(()) =
+        mapping(&rig(), LandmarkStart::SecondSighting).update_map(&mut started, &observation);
     let landmark = *started.map.get(5).unwrap();
     assert_eq!(landmark.anchor(), Some(0));
     assert!((landmark.mean.z - 0.5).abs() < 4.0 * landmark.covariance[(2, 2)].sqrt());
@@ -181,18 +191,19 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
         landmark.depth_openness()
     );
     // In metres: the scale stretches the world about the anchor.
-    started.metric.mean.x = 1.1;
-    let (point, covariance) = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
-    let (unit_point, unit_covariance) = landmark
+    started.metric.mean[MetricState::SCALE] = 1.1;
+    let metric = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
+    let unit = landmark
         .to_point(Some(&p.path.get(0).unwrap().camera))
         .unwrap();
-    assert!((point - unit_point * 1.1).norm() < 1e-12);
-    assert!((covariance - unit_covariance * 1.21).norm() < 1e-12);
+    assert!((metric.position - unit.position * 1.1).norm() < 1e-12);
+    assert!((metric.covariance - unit.covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.
     let mut waiting = p;
-    let Ok(()) = mapping(Some(0.02)).update_map(&mut waiting, &observation);
+    let Ok(()) = mapping(&rig(), LandmarkStart::TwoViews { min_parallax: 0.02 })
+        .update_map(&mut waiting, &observation);
     assert!(!waiting.map.contains(5));
-    let Ok(()) = mapping(None).update_map(
+    let Ok(()) = mapping(&rig(), LandmarkStart::SecondSighting).update_map(
         &mut started,
         &FrameObservation {
             removed: vec![5],

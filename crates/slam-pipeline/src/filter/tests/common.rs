@@ -1,15 +1,20 @@
 //! What the tests of the filter share: the paper's camera, random poses, oracles.
 
-use mono_geometry::{Camera, Distortion, Pinhole};
+use crate::filter::landmark::{
+    InverseDepthPrior, Landmark, LandmarkGeometry, Lens, Parametrisation,
+};
+use crate::filter::metric::MetricState;
+use crate::filter::motion::CarrierModel;
+use crate::filter::observation::{Prepared, Scoring};
+use crate::filter::particle::Particle;
+use crate::filter::pose::{CameraPose, PlacedCamera, PoseStep};
+use crate::odometry::Control;
+use crate::rig::Rig;
+use mono_geometry::{Camera, Distortion, Mount, Pinhole, Se2};
 use nalgebra::{Matrix2x6, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry, Lens, Parametrisation};
-use slam_pipeline::filter::motion::{CarrierModel, Control};
-use slam_pipeline::filter::observation::{Prepared, Scoring};
-use slam_pipeline::filter::particle::{MetricState, Particle};
-use slam_pipeline::filter::pose::{CameraPose, PlacedCamera, PoseStep};
 
 /// The paper's camera (Table I).
 pub(crate) fn pinhole() -> Pinhole {
@@ -32,6 +37,25 @@ pub(crate) fn lens() -> Lens {
     Lens {
         focal: Vector2::new(p.fx, p.fy),
         centre: Vector2::new(p.cx, p.cy),
+    }
+}
+
+/// The prior of inverse depth of a landmark seen once: from 0.4 m to infinity.
+pub(crate) const OPEN_DEPTH: InverseDepthPrior = InverseDepthPrior {
+    mean: 1.25,
+    sigma: 0.625,
+};
+
+/// The camera at the body's origin, looking to its left.
+pub(crate) fn rig() -> Rig {
+    rig_at(Vector2::zeros())
+}
+
+/// The camera at `lever_m` in the body, looking to its left.
+pub(crate) fn rig_at(lever_m: Vector2<f64>) -> Rig {
+    Rig {
+        camera: camera(),
+        mount: Mount::new(&sideways(), &lever_m.push(0.0)).unwrap(),
     }
 }
 
@@ -89,7 +113,7 @@ pub(crate) fn near(rng: &mut ChaCha8Rng, from: &CameraPose) -> CameraPose {
 }
 
 pub(crate) fn place(pose: &CameraPose) -> PlacedCamera {
-    PlacedCamera::new(pose, &sideways())
+    PlacedCamera::new(&rig(), pose)
 }
 
 pub(crate) fn inverse_depth(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Landmark {
@@ -164,10 +188,9 @@ pub(crate) fn prepared(
     }
 }
 
-/// A strictly planar carrier with its camera at `lever_m` and no open scale.
-pub(crate) fn planar_carrier(lever_m: Vector2<f64>) -> CarrierModel {
+/// A strictly planar carrier with no open scale.
+pub(crate) fn planar_carrier() -> CarrierModel {
     CarrierModel {
-        lever_m,
         tilt_sigma: 0.0,
         tilt_time_s: 1.0,
         slope_sigma: 0.0,
@@ -177,11 +200,12 @@ pub(crate) fn planar_carrier(lever_m: Vector2<f64>) -> CarrierModel {
 }
 
 pub(crate) fn control(increment: [f64; 3], sigmas: [f64; 3]) -> Control {
+    let [x, y, phi] = increment;
     Control {
-        increment,
+        increment: Se2 { x, y, phi },
         covariance: Matrix3::from_diagonal(&Vector3::from(sigmas.map(|s| s * s))),
         dt_s: 0.1,
-        distance_m: increment[0].hypot(increment[1]),
+        distance_m: x.hypot(y),
     }
 }
 

@@ -1,18 +1,18 @@
 //! The landmark filter: closed form where it is linear, a brute-force maximum
 //! a posteriori where it is not, no shrinking, consistency.
 
+use crate::filter::landmark::{InverseDepthPrior, Landmark, LandmarkGeometry};
+use crate::filter::landmark_update::LandmarkUpdate;
+use crate::filter::pose::PlacedCamera;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
-use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry};
-use slam_pipeline::filter::landmark_update::LandmarkUpdate;
-use slam_pipeline::filter::pose::PlacedCamera;
 use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
 
-use crate::common::*;
+use super::common::*;
 
 const SIGMA_PX: f64 = 0.5;
 const VARIANCE: f64 = SIGMA_PX * SIGMA_PX;
 /// Prior of inverse depth: two sigmas above zero, nearest 0.4 m.
-const RHO: (f64, f64) = (1.25, 0.625);
+const RHO: InverseDepthPrior = OPEN_DEPTH;
 
 fn filter() -> LandmarkUpdate {
     LandmarkUpdate {

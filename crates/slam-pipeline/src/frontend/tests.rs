@@ -2,19 +2,23 @@
 
 use std::collections::BTreeSet;
 
+use crate::filter::landmark::Landmark;
+use crate::filter::motion::MotionPrior;
+use crate::filter::observation::Sighting;
+use crate::filter::particle::Particle;
+use crate::frontend::associate::associate;
+use crate::frontend::association::{Association, AssociationParams};
+use crate::frontend::catalogue::{Catalogue, CatalogueUpdate, NewFeature, SeenAgain, Stage};
+use crate::frontend::frame::FrameFeatures;
+use crate::frontend::gate::Gate;
+use crate::method::DescriptorSearch;
+use feature_kdtree::DescriptorIndex as _;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use slam_pipeline::filter::landmark::Landmark;
-use slam_pipeline::filter::likelihood::Likelihood;
-use slam_pipeline::filter::motion::MotionPrior;
-use slam_pipeline::filter::particle::Particle;
-use slam_pipeline::frontend::association::{Association, AssociationParams, associate};
-use slam_pipeline::frontend::catalogue::{Catalogue, Sighting, Stage};
-use slam_pipeline::frontend::frame::FrameFeatures;
 use vision_sift::{Features, Keypoint};
 
-use crate::common::*;
+use crate::filter::tests::common::*;
 
 const SIGMA_PX: f64 = 0.5;
 
@@ -30,43 +34,86 @@ fn sighting(keyframe: u32) -> Sighting {
 }
 
 fn prototype() -> Landmark {
-    Landmark::from_first_sighting(
-        &lens(),
-        0,
-        &Vector2::new(10.0, 20.0),
-        SIGMA_PX,
-        (1.25, 0.625),
-    )
+    Landmark::from_first_sighting(&lens(), 0, &Vector2::new(10.0, 20.0), SIGMA_PX, OPEN_DEPTH)
+}
+
+/// A catalogue with one tentative feature of each descriptor, all seen at keyframe `keyframe`.
+fn with_features(descriptors: &[[u8; 128]], keyframe: u32) -> Catalogue {
+    let mut catalogue = Catalogue::new(DescriptorSearch::InView).unwrap();
+    catalogue.apply(new_features(descriptors, keyframe), None);
+    catalogue
+}
+
+fn new_features(descriptors: &[[u8; 128]], keyframe: u32) -> CatalogueUpdate {
+    CatalogueUpdate {
+        new: descriptors
+            .iter()
+            .map(|descriptor| NewFeature {
+                descriptor: *descriptor,
+                prototype: prototype(),
+                sighting: sighting(keyframe),
+            })
+            .collect(),
+        ..CatalogueUpdate::default()
+    }
+}
+
+fn seen(id: u32, descriptor: &[u8; 128], keyframe: u32) -> SeenAgain {
+    SeenAgain {
+        id,
+        descriptor: *descriptor,
+        sighting: sighting(keyframe),
+        direction: Vector3::x(),
+    }
+}
+
+fn promote(ids: &[u32]) -> CatalogueUpdate {
+    CatalogueUpdate {
+        promoted: ids.to_vec(),
+        ..CatalogueUpdate::default()
+    }
 }
 
 #[test]
 fn belief_rises_with_sightings_and_falls_with_misses() {
     let mut rng = rng(71);
-    let mut catalogue = Catalogue::new().unwrap();
-    let id = catalogue
-        .add(&descriptor(&mut rng), prototype(), sighting(0))
-        .unwrap();
+    let descriptors: [_; 3] = core::array::from_fn(|_| descriptor(&mut rng));
+    let newest = descriptor(&mut rng);
+    let mut catalogue = with_features(&descriptors, 0);
     assert_eq!(
-        (catalogue.get(id).unwrap().stage, catalogue.mapped()),
+        (catalogue.get(0).unwrap().stage, catalogue.mapped()),
         (Stage::Tentative, 0)
     );
-    catalogue.promote(id);
+    catalogue.apply(promote(&[0]), None);
     assert_eq!(catalogue.mapped(), 1);
+    let miss = |catalogue: &mut Catalogue, id| {
+        catalogue.apply(
+            CatalogueUpdate {
+                missed: vec![id],
+                ..CatalogueUpdate::default()
+            },
+            None,
+        );
+        catalogue.get(id).unwrap().existence.is_gone()
+    };
+    let see = |catalogue: &mut Catalogue, id, keyframe| {
+        catalogue.apply(
+            CatalogueUpdate {
+                seen: vec![seen(id, &newest, keyframe)],
+                ..CatalogueUpdate::default()
+            },
+            None,
+        );
+    };
+    let misses = |c: &mut Catalogue, id| (1..=20).find(|_| miss(c, id));
     // Never seen again: odds of 1 to 20 after four misses of ln(0.4 / 0.95).
-    let misses = |c: &mut Catalogue, id| (1..=20).find(|_| c.record_miss(id));
-    assert_eq!(misses(&mut catalogue, id), Some(4));
+    assert_eq!(misses(&mut catalogue, 0), Some(4));
 
     // Seen often, it survives more misses, but not for ever.
-    let id = catalogue
-        .add(&descriptor(&mut rng), prototype(), sighting(0))
-        .unwrap();
-    let newest = descriptor(&mut rng);
     for k in 1..100 {
-        catalogue
-            .record_sighting(id, &newest, sighting(k), Vector3::x())
-            .unwrap();
+        see(&mut catalogue, 1, k);
     }
-    let entry = catalogue.get(id).unwrap();
+    let entry = catalogue.get(1).unwrap();
     assert_eq!(
         (
             entry.observations,
@@ -77,42 +124,98 @@ fn belief_rises_with_sightings_and_falls_with_misses() {
     );
     assert_eq!(*entry.descriptor, newest);
     // (5 + 3) / 0.865: the ceiling, not 99 sightings, decides.
-    assert_eq!(misses(&mut catalogue, id), Some(10));
+    assert_eq!(misses(&mut catalogue, 1), Some(10));
     // A sighting between misses gives belief back: ln(0.6 / 0.05) is worth almost three misses.
-    let id = catalogue
-        .add(&descriptor(&mut rng), prototype(), sighting(0))
-        .unwrap();
     for k in 1..50 {
-        assert!(!catalogue.record_miss(id) && !catalogue.record_miss(id));
-        catalogue
-            .record_sighting(id, &newest, sighting(k), Vector3::x())
-            .unwrap();
+        assert!(!miss(&mut catalogue, 2) && !miss(&mut catalogue, 2));
+        see(&mut catalogue, 2, k);
     }
 }
 
 #[test]
 fn only_tentative_features_are_forgotten() {
     let mut rng = rng(72);
-    let mut catalogue = Catalogue::new().unwrap();
-    let ids: Vec<u32> = (0..4)
-        .map(|k| {
-            catalogue
-                .add(&descriptor(&mut rng), prototype(), sighting(k))
-                .unwrap()
-        })
-        .collect();
-    catalogue.promote(ids[0]);
-    catalogue.forget_tentative_before(2);
+    let mut catalogue = with_features(&[], 0);
+    for keyframe in 0..5 {
+        catalogue.apply(new_features(&[descriptor(&mut rng)], keyframe), None);
+    }
+    let again = descriptor(&mut rng);
+    catalogue.apply(
+        CatalogueUpdate {
+            promoted: vec![0],
+            seen: vec![seen(1, &again, 4)],
+            forget_before: 3,
+            ..CatalogueUpdate::default()
+        },
+        None,
+    );
+    // 0 is in the map, 1 was seen just now, 2 is too old.
     let left: Vec<u32> = catalogue.iter().map(|(id, _)| id).collect();
-    assert_eq!(left, [ids[0], ids[2], ids[3]]);
-    catalogue.remove(ids[0]);
-    catalogue.remove(ids[0]);
-    assert_eq!(catalogue.mapped(), 0);
+    assert_eq!(left, [0, 1, 3, 4]);
+    for _ in 0..2 {
+        catalogue.apply(
+            CatalogueUpdate {
+                removed: vec![0],
+                ..CatalogueUpdate::default()
+            },
+            None,
+        );
+        assert_eq!(catalogue.mapped(), 0);
+    }
     // Identities are not used twice.
-    let next = catalogue
-        .add(&descriptor(&mut rng), prototype(), sighting(4))
-        .unwrap();
-    assert_eq!(next, 4);
+    catalogue.apply(new_features(&[descriptor(&mut rng)], 4), None);
+    assert_eq!(catalogue.iter().last().unwrap().0, 5);
+}
+
+#[test]
+fn the_forest_of_the_paper_follows_the_catalogue() {
+    let mut rng = rng(73);
+    let descriptors: [_; 3] = core::array::from_fn(|_| descriptor(&mut rng));
+    let mut catalogue = Catalogue::new(DescriptorSearch::WholeMapForest).unwrap();
+    let apply = |catalogue: &mut Catalogue, update: CatalogueUpdate| {
+        let forest = catalogue.forest_after(&update).unwrap();
+        catalogue.apply(update, forest);
+    };
+    apply(&mut catalogue, new_features(&descriptors, 0));
+    let nearest = |catalogue: &Catalogue, query: &[u8; 128]| {
+        catalogue
+            .forest()
+            .unwrap()
+            .two_nearest(query)
+            .unwrap()
+            .first
+    };
+    for (id, d) in (0_u32..).zip(&descriptors) {
+        let first = nearest(&catalogue, d);
+        assert_eq!((first.id, first.distance_squared), (id, 0));
+    }
+    // A small change of the look is not learnt, a large one is.
+    let close = descriptors[0].map(|v| v + 1);
+    let far = descriptor(&mut rng);
+    for (look, expected) in [(close, 128), (far, 0)] {
+        apply(
+            &mut catalogue,
+            CatalogueUpdate {
+                seen: vec![seen(0, &look, 1)],
+                ..CatalogueUpdate::default()
+            },
+        );
+        let first = nearest(&catalogue, &look);
+        assert_eq!((first.id, first.distance_squared), (0, expected));
+    }
+    apply(
+        &mut catalogue,
+        CatalogueUpdate {
+            removed: vec![1],
+            forget_before: 5,
+            ..CatalogueUpdate::default()
+        },
+    );
+    assert_eq!(
+        catalogue.forest().unwrap().len(),
+        0,
+        "all gone or forgotten"
+    );
 }
 
 struct Scene {
@@ -135,23 +238,26 @@ fn keypoint(at: &Vector2<f64>) -> Keypoint {
 /// Forty mapped landmarks, all in view, seen from a pose drawn from the prior. Keypoint i shows landmark i.
 fn scene(seed: u64) -> Scene {
     let mut rng = rng(seed);
-    let mut catalogue = Catalogue::new().unwrap();
+    let mut catalogue = with_features(&[], 0);
     let mut particle = particle(pose(0.0, 0.0, 0.0));
-    let prior = planar_carrier(Vector2::zeros())
-        .prior(&particle, &control([0.1, 0.0, 0.0], [5e-3, 2e-3, 0.012]));
+    let prior = planar_carrier().prior(
+        &Vector2::zeros(),
+        &particle.departure(),
+        &control([0.1, 0.0, 0.0], [5e-3, 2e-3, 0.012]),
+    );
     let truth = prior
         .mean
         .retract(&(prior.factor * nalgebra::SVector::from_fn(|_, _| normal(&mut rng))));
     let mut features = Features::default();
-    for _ in 0..40 {
+    for id in 0..40 {
         let (a, b) = (
             uniform(&mut rng, -0.35, 0.35),
             uniform(&mut rng, -0.25, 0.25),
         );
         let at = ahead(&place(&prior.mean), a, b, uniform(&mut rng, 1.8, 2.2));
         let seen = descriptor(&mut rng);
-        let id = catalogue.add(&seen, prototype(), sighting(0)).unwrap();
-        catalogue.promote(id);
+        catalogue.apply(new_features(&[seen], 0), None);
+        catalogue.apply(promote(&[id]), None);
         let _ = particle
             .map
             .insert(id, point(at, Matrix3::from_diagonal_element(1e-6)));
@@ -173,30 +279,23 @@ fn scene(seed: u64) -> Scene {
 }
 
 fn matched(scene: &Scene) -> Association {
-    let likelihood = Likelihood {
-        lens: lens(),
-        body_from_camera: sideways(),
-        outlier_share: 0.05,
-        image_area_px2: 320.0 * 240.0,
-        as_printed: false,
-    };
     let params = AssociationParams {
         ratio: 0.7,
-        gate: 13.8,
+        gate: Gate { limit: 13.8 },
+        search: DescriptorSearch::InView,
         guided_distance_squared: 220 * 220,
         guided_ratio: 0.8,
         open_depth: 0.15,
         sigma_px: SIGMA_PX,
         iterations: 2,
-        image_size: Vector2::new(320.0, 240.0),
     };
     let frame = FrameFeatures::new(&scene.features, &camera());
     associate(
+        &rig(),
         &frame,
         &scene.catalogue,
         &scene.particle,
         &scene.prior,
-        &likelihood,
         &params,
     )
 }

@@ -1,13 +1,14 @@
 //! The observation likelihood: a density over the image, and the printed form.
 
+use crate::filter::landmark::{Landmark, LandmarkGeometry};
+use crate::filter::likelihood::Likelihood;
+use crate::filter::observation::Scoring;
+use crate::filter::pose::{CameraPose, PlacedCamera};
+use crate::method::LikelihoodForm;
 use mono_geometry::{EpipolarPair, Se3};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
-use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry};
-use slam_pipeline::filter::likelihood::Likelihood;
-use slam_pipeline::filter::observation::Scoring;
-use slam_pipeline::filter::pose::{CameraPose, PlacedCamera};
 
-use crate::common::*;
+use super::common::*;
 
 const EPS: f64 = 0.05;
 const AREA: f64 = 320.0 * 240.0;
@@ -15,17 +16,14 @@ const VARIANCE: f64 = 0.36;
 
 fn exact() -> Likelihood {
     Likelihood {
-        lens: lens(),
-        body_from_camera: sideways(),
         outlier_share: EPS,
-        image_area_px2: AREA,
-        as_printed: false,
+        form: LikelihoodForm::Exact,
     }
 }
 
 fn printed() -> Likelihood {
     Likelihood {
-        as_printed: true,
+        form: LikelihoodForm::Printed,
         ..exact()
     }
 }
@@ -78,7 +76,7 @@ fn integral(likelihood: &Likelihood) -> (f64, f64) {
         for j in -HALF..=HALF {
             let pixel = predicted + Vector2::new(f64::from(i) * step.x, f64::from(j) * step.y);
             let m = prepared(geometry, &landmark, pixel, VARIANCE, Scoring::Full);
-            sum += likelihood.log(&at, &[Some(m)]).exp();
+            sum += likelihood.log(&rig(), &at, &[Some(m)]).exp();
         }
     }
     let cells = f64::from((2 * HALF + 1).pow(2));
@@ -108,6 +106,7 @@ fn determinant_is_in_the_exact_form_only() {
     };
     let at_centre = |l: &Likelihood, landmark: &Landmark| {
         l.log(
+            &rig(),
             &at,
             &[Some(prepared(
                 geometry,
@@ -155,7 +154,7 @@ fn exact_log_is_the_mixture() {
         let squared = offset.dot(&s.cholesky().unwrap().solve(&offset));
         let density = (-0.5 * squared).exp() / (core::f64::consts::TAU * s.determinant().sqrt());
         let expected = ((1.0 - EPS) * density + EPS / AREA).ln();
-        assert!((exact().log(&at, &[Some(m)]) - expected).abs() < 1e-6);
+        assert!((exact().log(&rig(), &at, &[Some(m)]) - expected).abs() < 1e-6);
     }
 }
 
@@ -167,20 +166,23 @@ fn wrong_match_costs_a_constant() {
         let pixel = predicted + Vector2::new(far, -far);
         let m = prepared(geometry, &landmark, pixel, VARIANCE, Scoring::Full);
         assert!(
-            (exact().log(&at, &[Some(m)]) - wrong).abs() < 1e-12,
+            (exact().log(&rig(), &at, &[Some(m)]) - wrong).abs() < 1e-12,
             "{far} px"
         );
     }
     // A landmark the particle lacks, or that lies behind it, is a wrong match.
-    assert_eq!(exact().log(&at, &[None]), wrong);
+    assert_eq!(exact().log(&rig(), &at, &[None]), wrong);
     let behind = point(at.centre * 2.0 - landmark.mean, landmark.covariance);
     let m = prepared(geometry, &behind, predicted, VARIANCE, Scoring::Full);
-    assert_eq!(exact().log(&at, &[Some(m)]), wrong);
-    assert_eq!(printed().log(&at, &[None]), -1.5);
-    assert_eq!(printed().log(&at, &[Some(m)]), -1.5);
+    assert_eq!(exact().log(&rig(), &at, &[Some(m)]), wrong);
+    assert_eq!(printed().log(&rig(), &at, &[None]), -1.5);
+    assert_eq!(printed().log(&rig(), &at, &[Some(m)]), -1.5);
     // Matches add.
-    assert_eq!(exact().log(&at, &[None, None, Some(m)]), 3.0 * wrong);
-    assert_eq!(exact().log(&at, &[]), 0.0);
+    assert_eq!(
+        exact().log(&rig(), &at, &[None, None, Some(m)]),
+        3.0 * wrong
+    );
+    assert_eq!(exact().log(&rig(), &at, &[]), 0.0);
 }
 
 #[test]
@@ -196,7 +198,7 @@ fn printed_form_clips_at_three_without_pixel_noise() {
     ] {
         let pixel = predicted + root * Vector2::new(0.6, 0.8) * deviations;
         let m = prepared(geometry, &landmark, pixel, VARIANCE, Scoring::Full);
-        let log = printed().log(&at, &[Some(m)]);
+        let log = printed().log(&rig(), &at, &[Some(m)]);
         // The floor of the printed covariance, 1e-6 px^2, and differences of 1e-6.
         assert!(
             (log - expected).abs() < 1e-5,
@@ -222,7 +224,7 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
         let geometry = LandmarkGeometry::new(Some(&anchor));
         let first = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
         let second = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
-        let landmark = Landmark::from_first_sighting(&lens(), 0, &first, 0.5, (1.25, 0.6));
+        let landmark = Landmark::from_first_sighting(&lens(), 0, &first, 0.5, OPEN_DEPTH);
         let m = prepared(
             geometry,
             &landmark,
@@ -232,7 +234,7 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
         );
         let pair = EpipolarPair::new(&pinhole(), &se3(&anchor), &se3(&place(&at))).unwrap();
         let expected = -0.5 * pair.symmetric_distance_px(&first, &second).unwrap();
-        let log = printed().log(&at, &[Some(m)]);
+        let log = printed().log(&rig(), &at, &[Some(m)]);
         // Two lines from rotations and a baseline of decimetres, pixels of hundreds.
         assert!(
             (log - expected).abs() < 1e-8 * (1.0 + expected.abs()),
@@ -242,7 +244,7 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
     // Without a baseline there is no line and no score.
     let at = pose(0.0, 0.0, 0.2);
     let landmark =
-        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(9.0, 9.0), 0.5, (1.25, 0.6));
+        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(9.0, 9.0), 0.5, OPEN_DEPTH);
     let geometry = LandmarkGeometry::new(Some(&place(&at)));
     let m = prepared(
         geometry,
@@ -251,7 +253,7 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
         VARIANCE,
         Scoring::AcrossEpipolar,
     );
-    assert_eq!(printed().log(&at, &[Some(m)]), 0.0);
+    assert_eq!(printed().log(&rig(), &at, &[Some(m)]), 0.0);
 }
 
 #[test]
@@ -260,7 +262,7 @@ fn open_depth_is_scored_across_its_line() {
     let geometry = LandmarkGeometry::new(Some(&place(&anchor_pose)));
     let at = pose(0.2, 0.0, 0.0);
     let landmark =
-        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(180.0, 120.0), 0.5, (1.25, 0.625));
+        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(180.0, 120.0), 0.5, OPEN_DEPTH);
     let score = |dx: f64, dy: f64| {
         let on_line = project(
             &place(&at),
@@ -269,6 +271,7 @@ fn open_depth_is_scored_across_its_line() {
         );
         let pixel = on_line + Vector2::new(dx, dy);
         exact().log(
+            &rig(),
             &at,
             &[Some(prepared(
                 geometry,

@@ -1,11 +1,11 @@
 //! Landmark forms: projection, Jacobian, point conversion, refocusing.
 
+use crate::filter::landmark::{Landmark, LandmarkGeometry, PointEstimate};
+use crate::filter::pose::PlacedCamera;
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
-use slam_pipeline::filter::landmark::{Landmark, LandmarkGeometry};
-use slam_pipeline::filter::pose::PlacedCamera;
 use ukf::{SigmaPoints, unscented_transform};
 
-use crate::common::*;
+use super::common::*;
 
 #[test]
 fn known_point_projects_where_the_drawing_says() {
@@ -116,7 +116,10 @@ fn point_covariance_is_that_of_sigma_points() {
             8e-4 * mean.z,
         );
         let covariance = factor * factor.transpose();
-        let (world, stated) = inverse_depth(mean, covariance)
+        let PointEstimate {
+            position: world,
+            covariance: stated,
+        } = inverse_depth(mean, covariance)
             .to_point(Some(&anchor))
             .unwrap();
         assert!((world - ahead(&anchor, mean.x, mean.y, 1.0 / mean.z)).norm() < 1e-12);
@@ -230,7 +233,7 @@ fn unknown_depth_lies_beyond_what_was_driven() {
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let geometry = LandmarkGeometry::new(Some(&anchor));
     let landmark =
-        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(100.0, 50.0), 0.5, (1.25, 0.625));
+        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(100.0, 50.0), 0.5, OPEN_DEPTH);
     // The camera looks along world y: two metres towards the landmark.
     let driven = landmark.in_front_of(&geometry, &Vector3::new(0.3, 2.0, 0.0));
     assert!(

@@ -1,15 +1,16 @@
 //! The marginalised scale and metric position of a particle.
 
+use crate::filter::metric::MetricState;
+use crate::filter::motion::CarrierModel;
+use crate::filter::particle::Particle;
 use nalgebra::{Matrix3, Vector2};
-use slam_pipeline::filter::motion::CarrierModel;
-use slam_pipeline::filter::particle::{MetricState, Particle};
 
-use crate::common::*;
+use super::common::*;
 
-fn open_scale(lever: Vector2<f64>, scale_sigma: f64) -> CarrierModel {
+fn open_scale(scale_sigma: f64) -> CarrierModel {
     CarrierModel {
         scale_sigma,
-        ..planar_carrier(lever)
+        ..planar_carrier()
     }
 }
 
@@ -21,16 +22,20 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
     // second order is a few 1e-6 of s, a hundredth of the posterior deviation.
     let (true_scale, v, read_sigma) = (1.002, 0.02_f64.powi(2), 2e-4);
     let mut rng = rng(21);
-    let model = open_scale(Vector2::zeros(), 0.02);
+    let model = open_scale(0.02);
     let mut p = Particle::new(pose(0.0, 0.0, 0.0), MetricState::new(0.02));
     let (mut information, mut vector) = (1.0 / v, 1.0 / v);
     let mut floor_free = 0.0;
     for _ in 0..12 {
         let c = uniform(&mut rng, 0.1, 0.3);
         let d = true_scale * c + read_sigma * normal(&mut rng);
-        let prior = model.prior(&p, &control([d, 0.0, 0.0], [read_sigma, 1e-3, 1e-3]));
+        let prior = model.prior(
+            &Vector2::zeros(),
+            &p.departure(),
+            &control([d, 0.0, 0.0], [read_sigma, 1e-3, 1e-3]),
+        );
         // What the reading is worth includes the floor of the prior.
-        let q = read_sigma * read_sigma + (1e-4 * p.metric.mean.x).powi(2);
+        let q = read_sigma * read_sigma + (1e-4 * p.metric.scale()).powi(2);
         information += c * c / q;
         vector += c * d / q;
         let mut next = prior.mean;
@@ -43,24 +48,25 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
     let got = p.metric;
     assert!(sigma < 0.02 / 30.0, "the steps tell much: {sigma:e}");
     assert!(
-        (got.mean.x - mean).abs() < 0.05 * sigma,
+        (got.scale() - mean).abs() < 0.05 * sigma,
         "{} against {mean}, sigma {sigma:e}",
-        got.mean.x
+        got.scale()
     );
-    assert!((got.covariance[(0, 0)].sqrt() / sigma - 1.0).abs() < 0.01);
+    assert!((got.scale_variance().sqrt() / sigma - 1.0).abs() < 0.01);
     // Given the path, the position is the scale times the path: fully correlated with it.
-    assert!((got.mean.y - got.mean.x * floor_free).abs() < 1e-9);
+    assert!((got.position().x - got.scale() * floor_free).abs() < 1e-9);
     assert!(
-        (got.covariance[(1, 1)].sqrt() - floor_free * got.covariance[(0, 0)].sqrt()).abs() < 1e-9
+        (got.position_covariance()[(0, 0)].sqrt() - floor_free * got.scale_variance().sqrt()).abs()
+            < 1e-9
     );
-    assert!(got.covariance[(2, 2)].abs() < 1e-18);
+    assert!(got.position_covariance()[(1, 1)].abs() < 1e-18);
 }
 
 #[test]
 fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
     let mut rng = rng(22);
     let lever = Vector2::new(0.3, -0.2);
-    let model = planar_carrier(lever);
+    let model = planar_carrier();
     let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.0));
     for _ in 0..100 {
         let d = [
@@ -68,7 +74,7 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
             0.0,
             uniform(&mut rng, -0.4, 0.4),
         ];
-        let prior = model.prior(&p, &control(d, [0.02, 0.01, 0.05]));
+        let prior = model.prior(&lever, &p.departure(), &control(d, [0.02, 0.01, 0.05]));
         let next = prior
             .mean
             .retract(&(prior.factor * nalgebra::SVector::from_fn(|_, _| normal(&mut rng))));
@@ -78,7 +84,7 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
         let body = p.metric.body(next.phi);
         assert!((body.x - (next.centre.x - cos * lever.x + sin * lever.y)).abs() < 1e-12);
         assert!((body.y - (next.centre.y - sin * lever.x - cos * lever.y)).abs() < 1e-12);
-        assert_eq!(p.metric.mean.x, 1.0);
+        assert_eq!(p.metric.scale(), 1.0);
         assert_eq!(p.metric.covariance, Matrix3::zeros());
     }
 }
@@ -86,10 +92,14 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
 #[test]
 fn turning_in_place_moves_the_camera_and_not_the_body() {
     let lever = Vector2::new(0.0, 0.4);
-    let model = open_scale(lever, 0.05);
+    let model = open_scale(0.05);
     let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.05));
     for _ in 0..63 {
-        let prior = model.prior(&p, &control([0.0, 0.0, 0.1], [0.0, 0.0, 0.01]));
+        let prior = model.prior(
+            &lever,
+            &p.departure(),
+            &control([0.0, 0.0, 0.1], [0.0, 0.0, 0.01]),
+        );
         let next = prior.mean;
         p.metric = p.metric.condition_on_pose(&prior, &next);
         p.pose = next;
@@ -98,7 +108,7 @@ fn turning_in_place_moves_the_camera_and_not_the_body() {
     }
     assert!((p.pose.centre.xy() - lever).norm() < 0.01, "once around");
     // The lever arm is known in metres, so turning tells the scale: 0.4 m of arc each 0.1 mm sure.
-    assert!(p.metric.covariance[(0, 0)].sqrt() < 0.05 / 5.0);
+    assert!(p.metric.scale_variance().sqrt() < 0.05 / 5.0);
 }
 
 #[test]
@@ -107,7 +117,7 @@ fn covariance_stays_positive_over_a_thousand_steps() {
     let lever = Vector2::new(0.2, 0.1);
     let model = CarrierModel {
         scale_drift: 0.01,
-        ..open_scale(lever, 0.05)
+        ..open_scale(0.05)
     };
     let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.05));
     for step in 0..1000 {
@@ -116,7 +126,11 @@ fn covariance_stays_positive_over_a_thousand_steps() {
             0.0,
             uniform(&mut rng, -0.3, 0.3),
         ];
-        let prior = model.prior(&p, &control(d, [0.05 * d[0], 1e-3, 0.012]));
+        let prior = model.prior(
+            &lever,
+            &p.departure(),
+            &control(d, [0.05 * d[0], 1e-3, 0.012]),
+        );
         // Images leave a tenth of the prior's spread.
         let noise = nalgebra::SVector::from_fn(|_, _| 0.1 * normal(&mut rng));
         let next = prior.mean.retract(&(prior.factor * noise));
@@ -131,9 +145,9 @@ fn covariance_stays_positive_over_a_thousand_steps() {
         );
         assert!(covariance[(0, 0)] > 0.0 && covariance.iter().all(|v| v.is_finite()));
         assert!(
-            (0.5..2.0).contains(&p.metric.mean.x),
+            (0.5..2.0).contains(&p.metric.scale()),
             "step {step}: scale {}",
-            p.metric.mean.x
+            p.metric.scale()
         );
     }
 }

@@ -1,28 +1,57 @@
 //! Pose posterior and importance weight where everything is nearly linear: a
 //! prior of a millimetre and a milliradian, points metres away.
 
+use crate::filter::evolution::PoseEvolution;
+use crate::filter::landmark::{LandmarkGeometry, projected_covariance};
+use crate::filter::likelihood::Likelihood;
+use crate::filter::linearised::pose_posterior;
+use crate::filter::motion::{CarrierModel, MotionPrior};
+use crate::filter::observation::{FrameObservation, MatchedFeature, Prepared, Scoring};
+use crate::filter::particle::{Keyframe, Particle};
+use crate::filter::pose::{PoseMatrix, PoseStep};
+use crate::filter::proposal::PoseProposal;
+use crate::method::{Evolution, LikelihoodForm, ProposalKind, WeightForm};
+use crate::odometry::Control;
+use crate::rig::Rig;
+use mono_geometry::Se2;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::{Proposal, Rejuvenation, Streams};
-use slam_pipeline::filter::evolution::{Evolution, Operators};
-use slam_pipeline::filter::landmark::{LandmarkGeometry, projected_covariance};
-use slam_pipeline::filter::likelihood::Likelihood;
-use slam_pipeline::filter::linearised::pose_posterior;
-use slam_pipeline::filter::motion::{CarrierModel, Control, MotionPrior, PoseMatrix};
-use slam_pipeline::filter::observation::{FrameObservation, MatchedFeature, Prepared, Scoring};
-use slam_pipeline::filter::particle::{Keyframe, Particle};
-use slam_pipeline::filter::pose::PoseStep;
-use slam_pipeline::filter::proposal::{PoseProposal, ProposalKind};
-use slam_pipeline::record::PlanarPose;
 
-use crate::common::*;
+use super::common::*;
 
 const SIGMA_PX: f64 = 0.5;
 
 struct Scene {
+    rig: Rig,
     carrier: CarrierModel,
     control: Control,
     particle: Particle,
     observation: FrameObservation,
+}
+
+impl Scene {
+    fn prior(&self) -> MotionPrior {
+        self.carrier.prior(
+            &self.rig.lever_m(),
+            &self.particle.departure(),
+            &self.control,
+        )
+    }
+
+    fn proposal<'a>(
+        &'a self,
+        likelihood: &'a Likelihood,
+        kind: ProposalKind,
+        weight: WeightForm,
+    ) -> PoseProposal<'a> {
+        PoseProposal {
+            rig: &self.rig,
+            carrier: &self.carrier,
+            likelihood,
+            kind,
+            weight,
+        }
+    }
 }
 
 /// Twenty uncertain points seen after a step of 0.1 m.
@@ -32,11 +61,12 @@ fn scene(seed: u64) -> Scene {
         tilt_sigma: 1e-3,
         tilt_time_s: 0.01,
         slope_sigma: 0.01,
-        ..planar_carrier(Vector2::new(0.1, 0.05))
+        ..planar_carrier()
     };
     let u = control([0.1, 0.0, 0.02], [1e-3, 1e-3, 1e-3]);
     let mut p = particle(pose(0.4, -0.3, 3.13));
-    let prior = carrier.prior(&p, &u);
+    let rig = rig_at(Vector2::new(0.1, 0.05));
+    let prior = carrier.prior(&rig.lever_m(), &p.departure(), &u);
     let truth = prior
         .mean
         .retract(&(prior.factor * PoseStep::from_fn(|_, _| normal(&mut rng))));
@@ -57,6 +87,7 @@ fn scene(seed: u64) -> Scene {
         })
         .collect();
     Scene {
+        rig,
         carrier,
         control: u,
         particle: p,
@@ -71,12 +102,9 @@ fn scene(seed: u64) -> Scene {
 
 fn likelihood() -> Likelihood {
     Likelihood {
-        lens: lens(),
-        body_from_camera: sideways(),
         // No outliers here: the closed forms have none.
         outlier_share: 1e-40,
-        image_area_px2: 320.0 * 240.0,
-        as_printed: false,
+        form: LikelihoodForm::Exact,
     }
 }
 
@@ -116,7 +144,7 @@ fn dynamic(m: &PoseMatrix) -> DMatrix<f64> {
 fn weight_is_the_evidence_whatever_the_draw() {
     for seed in 0..5 {
         let scene = scene(seed);
-        let prior = scene.carrier.prior(&scene.particle, &scene.control);
+        let prior = scene.prior();
         let matches = scene.observation.prepare(&scene.particle);
         let (h, r, innovation) = linearised(&prior, &matches);
         let p = dynamic(&(prior.factor * prior.factor.transpose()));
@@ -128,17 +156,11 @@ fn weight_is_the_evidence_whatever_the_draw() {
                 + log_det
                 + innovation.len() as f64 * (2.0 * core::f64::consts::PI).ln());
 
-        let exact = PoseProposal {
-            carrier: scene.carrier,
-            likelihood: likelihood(),
-            kind: ProposalKind::Unscented { iterations: 2 },
-            likelihood_only: false,
-        };
-        let only = PoseProposal {
-            likelihood_only: true,
-            ..exact
-        };
-        let draw = |proposal: &PoseProposal, k: u64| {
+        let likelihood = likelihood();
+        let unscented = ProposalKind::Unscented { iterations: 2 };
+        let exact = scene.proposal(&likelihood, unscented, WeightForm::Importance);
+        let only = scene.proposal(&likelihood, unscented, WeightForm::LikelihoodOnly);
+        let draw = |proposal: &PoseProposal<'_>, k: u64| {
             let mut copy = scene.particle.clone();
             let Ok(w) = proposal.propose(&mut copy, &scene.observation, &mut rng(1000 + k));
             w
@@ -155,7 +177,7 @@ fn weight_is_the_evidence_whatever_the_draw() {
         }
         // The likelihood alone wanders with the draw, and lies above the evidence by the divergence of
         // proposal q and prior p on average: KL(q | p) = (tr C + m^2 - 6) / 2 - ln det C^(1/2), whitened by p.
-        let q = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
+        let q = pose_posterior(&rig(), &prior, &matches, 2);
         let divergence =
             0.5 * (q.factor.norm_squared() + q.mean.norm_squared() - 6.0) - q.log_det_factor;
         let alone: Vec<f64> = (0..40).map(|k| draw(&only, k)).collect();
@@ -185,16 +207,12 @@ fn weight_is_the_evidence_whatever_the_draw() {
 fn motion_proposal_weighs_by_the_likelihood() {
     // q = prior: the ratio is one, so the weight is the likelihood of the drawn pose itself.
     let scene = scene(9);
-    let proposal = PoseProposal {
-        carrier: scene.carrier,
-        likelihood: likelihood(),
-        kind: ProposalKind::Motion,
-        likelihood_only: false,
-    };
+    let likelihood = likelihood();
+    let proposal = scene.proposal(&likelihood, ProposalKind::Motion, WeightForm::Importance);
     for k in 0..10 {
         let mut copy = scene.particle.clone();
         let Ok(w) = proposal.propose(&mut copy, &scene.observation, &mut rng(k));
-        let expected = likelihood().log(&copy.pose, &scene.observation.prepare(&copy));
+        let expected = likelihood.log(&scene.rig, &copy.pose, &scene.observation.prepare(&copy));
         assert!((w - expected).abs() < 1e-9 * expected.abs());
     }
 }
@@ -203,7 +221,7 @@ fn motion_proposal_weighs_by_the_likelihood() {
 fn posterior_is_the_information_form() {
     for seed in 0..5 {
         let scene = scene(20 + seed);
-        let prior = scene.carrier.prior(&scene.particle, &scene.control);
+        let prior = scene.prior();
         let matches = scene.observation.prepare(&scene.particle);
         let (h, r, innovation) = linearised(&prior, &matches);
         let a = dynamic(&prior.factor);
@@ -215,7 +233,7 @@ fn posterior_is_the_information_form() {
         let mean = chol.solve(&(weighted.transpose() * innovation));
         let covariance = chol.inverse();
 
-        let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
+        let posterior = pose_posterior(&rig(), &prior, &matches, 2);
         let got = dynamic(&(posterior.factor * posterior.factor.transpose()));
         // Slopes change by 1e-3 over the prior (1 mm in metres, 1 mrad).
         assert!(
@@ -242,15 +260,19 @@ fn open_depth_tells_nothing_along_the_baseline() {
     let mut p = particle(start);
     p.path.push(Keyframe {
         camera: anchor,
-        body: PlanarPose {
+        body: Se2 {
             x: 0.0,
             y: 0.0,
             phi: 0.3,
         },
         scale: 1.0,
     });
-    let carrier = planar_carrier(Vector2::zeros());
-    let prior = carrier.prior(&p, &control([0.2, 0.03, 0.02], [1e-3, 1e-3, 1e-3]));
+    let carrier = planar_carrier();
+    let prior = carrier.prior(
+        &Vector2::zeros(),
+        &p.departure(),
+        &control([0.2, 0.03, 0.02], [1e-3, 1e-3, 1e-3]),
+    );
     let baseline = prior.mean.centre - start.centre;
     let mut direction = PoseStep::zeros();
     direction
@@ -270,7 +292,7 @@ fn open_depth_tells_nothing_along_the_baseline() {
                 Some(prepared(geometry, &landmark, pixel, 0.25, scoring))
             })
             .collect();
-        let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 1);
+        let posterior = pose_posterior(&rig(), &prior, &matches, 1);
         let inverse = posterior
             .factor
             .solve_lower_triangular(&PoseMatrix::identity())
@@ -312,26 +334,25 @@ fn exact_moves_leave_the_posterior_as_it_is() {
     // only odometry knows would spread without bound.
     const PARTICLES: usize = 2000;
     let scene = scene(77);
-    let proposal = PoseProposal {
-        carrier: scene.carrier,
-        likelihood: likelihood(),
-        kind: ProposalKind::Unscented { iterations: 2 },
-        likelihood_only: false,
-    };
+    let likelihood = likelihood();
+    let proposal = scene.proposal(
+        &likelihood,
+        ProposalKind::Unscented { iterations: 2 },
+        WeightForm::Importance,
+    );
     let mut rng = rng(770);
     let mut particles = vec![scene.particle.clone(); PARTICLES];
     for p in &mut particles {
         let Ok(_) = proposal.propose(p, &scene.observation, &mut rng);
     }
     let before: Vec<_> = particles.iter().map(|p| p.pose).collect();
-    let evolution = Evolution {
-        operators: Operators::Exact,
+    let evolution = PoseEvolution {
+        rig: &scene.rig,
+        operators: Evolution::MetropolisHastings,
         steps: 8,
-        likelihood: likelihood(),
+        likelihood: &likelihood,
     };
-    let clock = || 0.0;
     let report = evolution
-        .timed(&clock)
         .rejuvenate(&mut particles, &scene.observation, &Streams::new(5), 1)
         .unwrap();
     assert!(report.acceptance().unwrap() > 0.1, "{report:?}");
@@ -342,9 +363,9 @@ fn exact_moves_leave_the_posterior_as_it_is() {
         .count();
     assert!(moved > PARTICLES / 2, "{moved} moved");
 
-    let prior = scene.carrier.prior(&scene.particle, &scene.control);
+    let prior = scene.prior();
     let matches = scene.observation.prepare(&scene.particle);
-    let posterior = pose_posterior(&lens(), &sideways(), &prior, &matches, 2);
+    let posterior = pose_posterior(&rig(), &prior, &matches, 2);
     let middle = posterior.mean_pose(&prior);
     let draws: Vec<PoseStep> = particles.iter().map(|p| middle.local(&p.pose)).collect();
     let covariance = posterior.pose_covariance(&prior);

@@ -1,18 +1,18 @@
 //! The motion prior against an independent SE(2) composition and Monte Carlo.
 
+use crate::filter::motion::CarrierModel;
+use crate::filter::particle::Particle;
+use crate::filter::pose::{CameraPose, PoseMatrix, PoseStep};
+use crate::odometry::Control;
 use mono_geometry::Se2;
 use nalgebra::{SVector, Vector2};
-use slam_pipeline::filter::motion::{CarrierModel, Control, PoseMatrix};
-use slam_pipeline::filter::particle::Particle;
-use slam_pipeline::filter::pose::{CameraPose, PoseStep};
 
-use crate::common::*;
+use super::common::*;
 
 const LEVER: Vector2<f64> = Vector2::new(0.25, -0.15);
 
 fn carrier() -> CarrierModel {
     CarrierModel {
-        lever_m: LEVER,
         tilt_sigma: 0.006,
         tilt_time_s: 0.5,
         slope_sigma: 0.01,
@@ -45,7 +45,7 @@ fn mean_is_the_body_motion_with_its_lever_arm() {
             uniform(&mut rng, -0.1, 0.1),
             uniform(&mut rng, -1.0, 1.0),
         ];
-        let prior = carrier().prior(&p, &control(d, [0.01, 0.01, 0.01]));
+        let prior = carrier().prior(&LEVER, &p.departure(), &control(d, [0.01, 0.01, 0.01]));
         let (x, y, phi) = moved(&p.pose, &LEVER, p.metric.mean.x, d);
         let m = &prior.mean;
         assert!((m.centre.x - x).abs() < 1e-13 && (m.centre.y - y).abs() < 1e-13);
@@ -71,7 +71,7 @@ fn covariance_is_that_of_odometry_and_scale() {
         u.covariance[(1, 2)] = 0.5 * 0.004 * 0.02;
         u.covariance[(2, 1)] = u.covariance[(1, 2)];
         let model = carrier();
-        let prior = model.prior(&p, &u);
+        let prior = model.prior(&LEVER, &p.departure(), &u);
         let drift = model.scale_drift * scale;
         let drifted = (scale_sigma * scale_sigma + drift * drift * u.distance_m).sqrt();
         let factor = u.covariance.cholesky().unwrap().l();
@@ -137,7 +137,7 @@ fn tilt_keeps_its_standard_deviation() {
         };
         let mut p = particle(pose(0.0, 0.0, 0.0));
         p.pose.roll = 1.0;
-        let prior = carrier().prior(&p, &u);
+        let prior = carrier().prior(&LEVER, &p.departure(), &u);
         let added = (prior.factor * prior.factor.transpose())[(4, 4)];
         let variance = prior.mean.roll.powi(2) * 0.006_f64.powi(2) + added;
         // The floor of a tenth of a milliradian is a 1/3600 of the variance.
@@ -170,18 +170,22 @@ fn covariance_is_regular_at_rest_and_strictly_planar() {
         ..control([0.0; 3], [0.0; 3])
     };
     let fast = control([3.0, 0.0, 0.5], [0.5, 0.1, 0.3]);
-    let planar = planar_carrier(LEVER);
+    let planar = planar_carrier();
     for (name, model, u) in [
         ("at rest", carrier(), rest),
         ("planar at rest", planar, rest),
         ("planar and fast", planar, fast),
         ("fast", carrier(), fast),
     ] {
-        let prior = model.prior(&p, &u);
+        let prior = model.prior(&LEVER, &p.departure(), &u);
         assert_factor(name, &prior.factor);
     }
     // The off-diagonal part is in: a turn error moves the camera on its lever.
-    let prior = planar.prior(&p, &control([0.0, 0.0, 0.0], [0.0, 0.0, 0.1]));
+    let prior = planar.prior(
+        &LEVER,
+        &p.departure(),
+        &control([0.0, 0.0, 0.0], [0.0, 0.0, 0.1]),
+    );
     let covariance = prior.factor * prior.factor.transpose();
     let (sin, cos) = 3.1_f64.sin_cos();
     let rate = Vector2::new(
@@ -197,7 +201,11 @@ fn covariance_is_regular_at_rest_and_strictly_planar() {
 #[test]
 fn log_density_is_the_quadratic_form_across_the_seam() {
     let p: Particle = particle(pose(0.0, 0.0, core::f64::consts::PI - 0.01));
-    let prior = carrier().prior(&p, &control([0.2, 0.0, 0.005], [0.02, 0.01, 0.02]));
+    let prior = carrier().prior(
+        &LEVER,
+        &p.departure(),
+        &control([0.2, 0.0, 0.005], [0.02, 0.01, 0.02]),
+    );
     let covariance = prior.factor * prior.factor.transpose();
     let mut rng = rng(13);
     for _ in 0..100 {

@@ -1,0 +1,10 @@
+//! The estimator against closed forms, brute force and Monte Carlo.
+
+pub(crate) mod common;
+mod landmark;
+mod landmark_update;
+mod likelihood;
+mod mapping;
+mod metric;
+mod motion;
+mod pose;

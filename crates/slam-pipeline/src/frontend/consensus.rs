@@ -1,0 +1,108 @@
+//! The consensus of the matches of a frame.
+//!
+//! A robust pose posterior is formed from all matches; then each match is gated by what the posterior leaves of its
+//! innovation covariance. This is repeated once without the outliers.
+
+use std::collections::BTreeMap;
+
+use super::association::{Association, AssociationParams, Pair};
+use super::frame::FrameFeatures;
+use super::prediction::Predicted;
+use crate::filter::likelihood::mahalanobis_2d;
+use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
+use crate::filter::motion::MotionPrior;
+use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
+use crate::filter::pose::PlacedCamera;
+use crate::rig::Rig;
+
+/// Judges the pairs of landmark id and keypoint by a robust pose posterior of all of them.
+#[must_use]
+pub(crate) fn consensus(
+    rig: &Rig,
+    frame: &FrameFeatures<'_>,
+    pairs: BTreeMap<u32, usize>,
+    in_view: BTreeMap<u32, Predicted>,
+    prior: &MotionPrior,
+    params: &AssociationParams,
+) -> Association {
+    let mut candidates: Vec<(Pair, Prepared)> = Vec::with_capacity(pairs.len());
+    for (id, k) in pairs {
+        let (Some(pixel), Some(predicted)) = (frame.ideal[k], in_view.get(&id)) else {
+            continue;
+        };
+        let mut prepared = predicted.prepared;
+        prepared.pixel = pixel;
+        prepared.scoring = scoring(rig, &prepared, prior, params);
+        let nis = mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance);
+        let feature = MatchedFeature {
+            id,
+            pixel,
+            variance_px2: prepared.variance_px2,
+            scoring: prepared.scoring,
+            prototype: predicted.prototype,
+        };
+        candidates.push((
+            Pair {
+                keypoint: k,
+                feature,
+                predicted: predicted.pixel,
+                nis,
+            },
+            prepared,
+        ));
+    }
+    let mut keep = vec![true; candidates.len()];
+    let mut posterior = PosePosterior::prior();
+    for _ in 0..2 {
+        let used: Vec<Option<Prepared>> = candidates
+            .iter()
+            .zip(&keep)
+            .map(|((_, p), k)| k.then_some(*p))
+            .collect();
+        posterior = pose_posterior(rig, prior, &used, params.iterations);
+        let linearisation = PoseLinearisation::new(rig, prior, &posterior);
+        for ((_, prepared), keep) in candidates.iter().zip(&mut keep) {
+            *keep = linearisation.linearise(prepared).is_some_and(|line| {
+                params
+                    .gate
+                    .admits(&(prepared.pixel - line.mean), &line.innovation())
+            });
+        }
+    }
+    let (mut inliers, mut outliers) = (Vec::new(), Vec::new());
+    for ((pair, _), keep) in candidates.into_iter().zip(keep) {
+        if keep {
+            inliers.push(pair);
+        } else {
+            outliers.push(pair);
+        }
+    }
+    Association {
+        inliers,
+        outliers,
+        in_view,
+        camera: PlacedCamera::new(rig, &posterior.mean_pose(prior)),
+        posterior,
+    }
+}
+
+/// Open depth is scored across the epipolar line, but only where depth moves
+/// the pixel by more than its noise: otherwise both coordinates tell of the pose.
+fn scoring(
+    rig: &Rig,
+    prepared: &Prepared,
+    prior: &MotionPrior,
+    params: &AssociationParams,
+) -> Scoring {
+    let Some(sigma_rho) = prepared.open_sigma(params.open_depth) else {
+        return Scoring::Full;
+    };
+    let camera = PlacedCamera::new(rig, &prior.mean);
+    match rig
+        .lens()
+        .parameter_jacobian(&camera, &prepared.geometry, &prepared.mean)
+    {
+        Some(j) if j.column(2).norm() * sigma_rho > params.sigma_px => Scoring::AcrossEpipolar,
+        _ => Scoring::Full,
+    }
+}

@@ -1,0 +1,122 @@
+//! The landmarks that the reference particle predicts in view.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use super::catalogue::{Catalogue, Stage};
+use crate::filter::landmark::{Landmark, Lens};
+use crate::filter::linearised::{PoseLinearisation, PosePosterior};
+use crate::filter::motion::MotionPrior;
+use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
+use crate::filter::particle::Particle;
+use crate::filter::pose::PlacedCamera;
+use crate::rig::Rig;
+
+/// A landmark predicted in view.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Predicted {
+    /// Predicted ideal pixel.
+    pub(crate) pixel: Vector2<f64>,
+    /// Innovation covariance.
+    pub(crate) covariance: Matrix2<f64>,
+    /// Direction from the camera, world axes, unit length.
+    pub(crate) direction: Vector3<f64>,
+    /// The landmark in the reference particle, without a measurement.
+    pub(crate) prepared: Prepared,
+    /// The Gaussian of a tentative feature.
+    pub(crate) prototype: Option<Landmark>,
+}
+
+impl Predicted {
+    /// The landmark in the reference particle with the measurement of `feature`.
+    #[must_use]
+    pub(crate) fn measured(&self, feature: &MatchedFeature) -> Prepared {
+        Prepared {
+            pixel: feature.pixel,
+            scoring: feature.scoring,
+            ..self.prepared
+        }
+    }
+
+    /// Angle between the rays of the first sighting and of `pixel`, radians, as
+    /// far as the pose explains it: the rotation is taken out.
+    #[must_use]
+    pub(crate) fn parallax(&self, pixel: &Vector2<f64>, lens: &Lens, camera: &PlacedCamera) -> f64 {
+        let n = lens.normalise(pixel);
+        let seen = camera
+            .camera_from_world
+            .tr_mul(&Vector3::new(n.x, n.y, 1.0));
+        self.prepared
+            .geometry
+            .ray(&self.prepared.mean)
+            .base
+            .angle(&seen)
+    }
+}
+
+/// Predicts every landmark and tentative feature from `reference` under `prior`; those in view, by id.
+///
+/// The innovation covariance holds the pose prior, the landmark and a pixel noise of `sigma_px`.
+#[must_use]
+pub(crate) fn predict(
+    rig: &Rig,
+    catalogue: &Catalogue,
+    reference: &Particle,
+    prior: &MotionPrior,
+    sigma_px: f64,
+) -> BTreeMap<u32, Predicted> {
+    let image_size = rig.image_size_px();
+    let linearisation = PoseLinearisation::new(rig, prior, &PosePosterior::prior());
+    let mut in_view = BTreeMap::new();
+    for (id, entry) in catalogue.iter() {
+        let landmark = match entry.stage {
+            Stage::Mapped => reference.map.get(id),
+            Stage::Tentative => Some(&entry.prototype),
+        };
+        let Some(landmark) = landmark else { continue };
+        let Some(geometry) = reference.geometry(landmark) else {
+            continue;
+        };
+        let landmark = &match entry.stage {
+            Stage::Mapped => *landmark,
+            Stage::Tentative => landmark.in_front_of(&geometry, &prior.mean.centre),
+        };
+        let prepared = Prepared {
+            geometry,
+            mean: landmark.mean,
+            covariance: landmark.covariance,
+            pixel: Vector2::zeros(),
+            variance_px2: sigma_px * sigma_px,
+            scoring: Scoring::Full,
+        };
+        let Some(line) = linearisation.linearise(&prepared) else {
+            continue;
+        };
+        let p = line.mean;
+        // Half a pixel beyond the image is still its edge.
+        if p.x < -0.5 || p.y < -0.5 || p.x > image_size.x - 0.5 || p.y > image_size.y - 0.5 {
+            let reach = (line.innovation()[(0, 0)] + line.innovation()[(1, 1)]).sqrt();
+            let outside = Vector2::new(
+                (-p.x).max(p.x - image_size.x).max(0.0),
+                (-p.y).max(p.y - image_size.y).max(0.0),
+            );
+            if entry.stage == Stage::Mapped || outside.norm() > 3.0 * reach {
+                continue;
+            }
+        }
+        let ray = geometry.ray(&landmark.mean);
+        let direction = ray.base + (ray.origin - prior.mean.centre) * ray.rate;
+        in_view.insert(
+            id,
+            Predicted {
+                pixel: p,
+                covariance: line.innovation(),
+                direction: direction / direction.norm().max(f64::MIN_POSITIVE),
+                prepared,
+                prototype: (entry.stage == Stage::Tentative).then_some(*landmark),
+            },
+        );
+    }
+    in_view
+}

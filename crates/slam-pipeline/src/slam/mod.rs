@@ -1,0 +1,230 @@
+//! The frame loop: features and odometry in, pose and map out.
+//!
+//! Every frame is associated with the map in the best particle. A frame that moved far enough, saw too little of the
+//! last step, or waited too long is a *keyframe*: a filter step of all particles in the order propose, weight,
+//! resample, evolve, update the map, start landmarks. The frames between only refine the pose that is reported.
+//!
+//! A frame is planned from the unchanged state (`plan`) and committed at its end (`commit`), so a frame that fails
+//! leaves no trace. The decisions have files of their own: `keyframe_policy`, `scoring_budget`, `feature_budget`; the
+//! gates and the belief in landmarks are those of the front end.
+
+mod commit;
+mod estimate;
+mod feature_budget;
+mod keyframe_policy;
+mod plan;
+mod report;
+mod results;
+mod scoring_budget;
+#[cfg(test)]
+mod tests;
+
+use mono_geometry::Se2;
+
+use rbpf_core::{
+    FilterConfig, ParticleFilter, ParticleSet, RejuvenationSchedule, Resampler, Streams,
+};
+use thiserror::Error;
+use vision_sift::Features;
+
+use crate::config::ValidConfig;
+use crate::filter::drift::Drift;
+use crate::filter::likelihood::Likelihood;
+use crate::filter::metric::MetricState;
+use crate::filter::motion::CarrierModel;
+use crate::filter::particle::Particle;
+use crate::filter::pose::CameraPose;
+use crate::frontend::association::AssociationParams;
+use crate::frontend::catalogue::Catalogue;
+use crate::frontend::gate::Gate;
+use crate::method::{CarrierFreedom, Policies};
+use crate::odometry::{Odometer, OdometryInterval};
+use crate::rig::Rig;
+use keyframe_policy::KeyframePolicy;
+pub use report::{
+    FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
+};
+
+/// Why a frame could not be processed.
+#[derive(Debug, Error)]
+pub enum SlamError {
+    /// The particle filter refused a step.
+    #[error("frame {frame}: {source}")]
+    Filter {
+        /// Frame index.
+        frame: usize,
+        /// The reason that the filter gave.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// The features are not one descriptor a keypoint.
+    #[error("frame {frame}: {keypoints} keypoints come with {descriptors} descriptors")]
+    Features {
+        /// Frame index.
+        frame: usize,
+        /// Number of keypoints.
+        keypoints: usize,
+        /// Number of descriptors.
+        descriptors: usize,
+    },
+    /// The descriptor index refused an operation.
+    #[error("descriptor index: {0}")]
+    Index(#[from] feature_kdtree::IndexError),
+    /// A row of odometry is not a number.
+    #[error("odometry: {0}")]
+    Odometry(#[from] mono_geometry::GeometryError),
+}
+
+/// The inputs of one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameInput<'a> {
+    /// Keypoints and descriptors.
+    pub features: &'a Features,
+    /// Odometry since the previous frame.
+    pub odometry: &'a [OdometryInterval],
+}
+
+/// The SLAM system: a camera on a wheeled robot, its pose and its map.
+///
+/// Equal inputs, configuration and seed give equal results for any number of threads of the current rayon pool.
+#[derive(Debug, Clone)]
+pub struct Slam {
+    rig: Rig,
+    config: ValidConfig,
+    policies: Policies,
+    carrier: CarrierModel,
+    likelihood: Likelihood,
+    association: AssociationParams,
+    keyframes: KeyframePolicy,
+    state: State,
+}
+
+/// Everything that a frame changes.
+#[derive(Debug, Clone)]
+struct State {
+    filter: ParticleFilter<Particle>,
+    catalogue: Catalogue,
+    /// Motion since the last keyframe.
+    odometer: Odometer,
+    drift: Drift,
+    /// Index of the next frame.
+    frame: usize,
+    /// Index of the next keyframe.
+    keyframe: u32,
+    matches_at_keyframe: usize,
+    frames_since_keyframe: u32,
+    /// Estimate at the last keyframe.
+    last: PoseEstimate,
+    /// One entry a frame.
+    path: Vec<FrameAnchor>,
+}
+
+/// The place of a frame relative to the keyframe before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct FrameAnchor {
+    keyframe: u32,
+    keyframe_from_body: Se2,
+}
+
+impl Slam {
+    /// A system at the origin with an empty map.
+    ///
+    /// # Errors
+    /// [`SlamError::Filter`] or [`SlamError::Index`] for a configuration that the parts refuse.
+    pub fn new(rig: Rig, config: &ValidConfig) -> Result<Self, SlamError> {
+        let policies = Policies::of(config);
+        let carrier = carrier_model(config, policies.carrier);
+        let start = Particle::new(
+            CameraPose {
+                centre: *rig.position_in_body(),
+                phi: 0.0,
+                roll: 0.0,
+                pitch: 0.0,
+            },
+            MetricState::new(carrier.scale_sigma),
+        );
+        let set = ParticleSet::new(vec![start; config.filter.particles as usize])
+            .map_err(|e| filter_error(0, e))?;
+        let filter = ParticleFilter::new(
+            set,
+            Streams::new(config.filter.seed),
+            FilterConfig {
+                resampler: Resampler::Systematic,
+                resampling_threshold: policies.resampling_threshold,
+                rejuvenation: RejuvenationSchedule::AfterResampling,
+            },
+        )
+        .map_err(|e| filter_error(0, e))?;
+        let guided_distance = config.association.guided_distance;
+        Ok(Self {
+            rig,
+            carrier,
+            likelihood: Likelihood {
+                outlier_share: config.association.outlier_share,
+                form: policies.likelihood,
+            },
+            association: AssociationParams {
+                search: policies.search,
+                ratio: config.association.ratio,
+                gate: Gate {
+                    limit: config.association.gate,
+                },
+                guided_distance_squared: (guided_distance * guided_distance) as u32,
+                guided_ratio: config.association.guided_ratio,
+                open_depth: config.mapping.open_depth,
+                sigma_px: config.features.sigma_px,
+                iterations: config.filter.iterations as usize,
+            },
+            keyframes: KeyframePolicy::from(&config.keyframes),
+            state: State {
+                filter,
+                catalogue: Catalogue::new(policies.search)?,
+                odometer: Odometer::with_step(&config.odometry, policies.motion_step),
+                drift: Drift::default(),
+                frame: 0,
+                keyframe: 0,
+                matches_at_keyframe: 0,
+                frames_since_keyframe: 0,
+                last: PoseEstimate::origin(),
+                path: Vec::new(),
+            },
+            policies,
+            config: config.clone(),
+        })
+    }
+
+    /// Processes the next frame; `observer` is told when each stage begins.
+    ///
+    /// Time is linear in the number of particles and matches, and O(n) in the size of the map.
+    ///
+    /// # Errors
+    /// [`SlamError`]. The system is then exactly what it was before the call: the frame may be given again, or left out.
+    pub fn step(
+        &mut self,
+        input: &FrameInput<'_>,
+        observer: &mut dyn StageObserver,
+    ) -> Result<FrameReport, SlamError> {
+        let plan = self.plan(input, observer)?;
+        Ok(self.commit(plan))
+    }
+}
+
+fn carrier_model(config: &ValidConfig, freedom: CarrierFreedom) -> CarrierModel {
+    let on = |value: f64| match freedom {
+        CarrierFreedom::TiltHeightScale => value,
+        CarrierFreedom::Planar => 0.0,
+    };
+    CarrierModel {
+        tilt_sigma: on(config.carrier.tilt_sigma),
+        tilt_time_s: config.carrier.tilt_time_s,
+        slope_sigma: on(config.carrier.slope_sigma),
+        scale_drift: on(config.carrier.scale_drift),
+        scale_sigma: on(config.carrier.scale_sigma),
+    }
+}
+
+fn filter_error(frame: usize, e: impl std::error::Error + Send + Sync + 'static) -> SlamError {
+    SlamError::Filter {
+        frame,
+        source: Box::new(e),
+    }
+}

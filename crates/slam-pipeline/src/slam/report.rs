@@ -1,0 +1,119 @@
+//! The report of a frame: what the estimator says after each step.
+
+use mono_geometry::Se2;
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// A body pose with its covariance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseEstimate {
+    /// Pose of the body in the world, metres and radians.
+    pub pose: Se2,
+    /// Covariance over (x, y, phi): m^2, m rad, rad^2.
+    pub covariance: Matrix3<f64>,
+}
+
+impl PoseEstimate {
+    /// The origin, known exactly.
+    #[must_use]
+    pub fn origin() -> Self {
+        Self {
+            pose: Se2::identity(),
+            covariance: Matrix3::zeros(),
+        }
+    }
+}
+
+/// The use that was made of a keypoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum KeypointFate {
+    /// It was matched to a landmark of the map and used.
+    Matched,
+    /// It was matched to a landmark and rejected by the consensus.
+    Outlier,
+    /// It started a new feature.
+    New,
+    /// It was not used.
+    Unused,
+}
+
+/// One keypoint of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeypointReport {
+    /// The use that was made of it.
+    pub fate: KeypointFate,
+    /// Ideal pixel at which its landmark was predicted; `None` without a landmark.
+    pub predicted: Option<Vector2<f64>>,
+}
+
+/// The outcome of one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameReport {
+    /// Filtered body pose: the weighted mean of the particles.
+    pub estimate: PoseEstimate,
+    /// Whether the frame was a filter step; otherwise the pose was refined on top of the last one.
+    pub keyframe: bool,
+    /// Number of accepted matches.
+    pub matches: usize,
+    /// Number of rejected matches.
+    pub outliers: usize,
+    /// Number of landmarks that entered the map.
+    pub new_landmarks: usize,
+    /// Number of landmarks in the map after the frame.
+    pub landmarks: usize,
+    /// Effective number of particles before resampling.
+    pub n_eff: f64,
+    /// Number of distinct origins among the particles.
+    pub unique_ancestors: usize,
+    /// Whether the step resampled.
+    pub resampled: bool,
+    /// Share of evolution moves that were accepted; `None` when none was tried.
+    pub es_acceptance: Option<f64>,
+    /// Mean normalised innovation squared per degree of freedom; `None` without matches.
+    pub nis: Option<f64>,
+    /// One entry a keypoint, in the order of the features.
+    pub keypoints: Vec<KeypointReport>,
+    /// Remarks on what was unusual; empty for an ordinary frame.
+    pub notes: Vec<String>,
+}
+
+/// One landmark of the final map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapLandmark {
+    /// Identity, stable over the run.
+    pub id: u32,
+    /// Position in the world, metres.
+    pub position: Vector3<f64>,
+    /// Covariance of the position, m^2.
+    pub covariance: Matrix3<f64>,
+    /// Number of keyframes that measured it.
+    pub observations: u32,
+    /// Descriptor of its last sighting.
+    pub descriptor: Box<[u8; 128]>,
+}
+
+/// A stage of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Odometry, undistortion, prediction, matching and consensus.
+    Association,
+    /// Pose proposals, weights and resampling; between keyframes the refinement of the pose.
+    Proposal,
+    /// Moves of the poses after a resampling.
+    Evolution,
+    /// Landmark updates, new features and the reported pose.
+    Mapping,
+}
+
+/// An observer that is told when a stage of a frame begins.
+///
+/// Stage times are measured here, outside the estimator: the crate reads no clock. Any `FnMut(Stage)` is an observer.
+pub trait StageObserver {
+    /// Called when `stage` begins and the stage before it has ended.
+    fn begin(&mut self, stage: Stage);
+}
+
+impl<F: FnMut(Stage)> StageObserver for F {
+    fn begin(&mut self, stage: Stage) {
+        self(stage);
+    }
+}

@@ -1,0 +1,10 @@
+//! The SLAM system through its public interface.
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a helper that cannot go on fails its test"
+)]
+
+mod drive;
+mod frame_loop;
+mod refused_frames;
