@@ -3,7 +3,7 @@
 //!
 //! Use [`run::run_sequence`] to run a recorded sequence from your own program with the same results
 //! as `mono-slam run`. A robot that processes frames as they arrive calls
-//! [`slam_pipeline::slam::Slam::step`] itself; files alone are read and written with [`slam_io`].
+//! [`slam_pipeline::Slam::step`] itself; files alone are read and written with [`slam_io`].
 //!
 //! ```no_run
 //! use slam_io::{Sequence, write_run};

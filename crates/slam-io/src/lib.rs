@@ -6,7 +6,7 @@
 //! `camera.toml`, Kalibr, OpenCV and ROS; [`read_tum`] reads trajectories; [`configuration`] is the
 //! TOML form of [`slam_pipeline::config::Config`].
 //!
-//! Use it to feed [`slam_pipeline::Slam`](slam_pipeline::slam::Slam) from disk and to keep what it
+//! Use it to feed [`slam_pipeline::Slam`] from disk and to keep what it
 //! found. A robot that holds its images in memory and sends its poses elsewhere needs none of it.
 //!
 //! ```

@@ -4,8 +4,7 @@
 
 use mono_geometry::{Camera, Distortion, Mount, Pinhole};
 use slam_pipeline::config::Config;
-use slam_pipeline::odometry::OdometryInterval;
-use slam_pipeline::slam::{FrameInput, Slam};
+use slam_pipeline::{FrameInput, OdometryInterval, Rig, Slam};
 use vision_sift::Features;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,10 +16,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         cx: 159.7,
         cy: 121.5,
     };
-    let camera = Camera::new(pinhole, Distortion::None)?;
-    let mount = Mount::forward().body_from_camera;
+    let rig = Rig {
+        camera: Camera::new(pinhole, Distortion::None)?,
+        mount: Mount::forward(),
+    };
     let config = Config::default().check()?;
-    let mut slam = Slam::new(camera, mount.rotation.matrix(), &mount.translation, &config)?;
+    let mut slam = Slam::new(rig, &config)?;
     for frame in 0..20 {
         let odometry = [OdometryInterval {
             duration_s: 0.5,
@@ -31,12 +32,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             features: &Features::default(),
             odometry: &odometry,
         };
-        let outcome = slam.step(&input, &|| 0.0)?;
+        let report = slam.step(&input, &mut |_| {})?;
         println!(
             "frame {frame}: ({:.2}, {:.2}) m, known to {:.3} m",
-            outcome.pose.x,
-            outcome.pose.y,
-            (outcome.covariance[(0, 0)] + outcome.covariance[(1, 1)]).sqrt()
+            report.estimate.pose.x,
+            report.estimate.pose.y,
+            (report.estimate.covariance[(0, 0)] + report.estimate.covariance[(1, 1)]).sqrt()
         );
     }
     Ok(())

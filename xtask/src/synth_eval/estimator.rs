@@ -34,7 +34,7 @@ pub const QUICK: &[Estimator] = &[
     filter(Method::Conventional, 100),
     filter(Method::Conventional, 500),
     filter(Method::Paper, 50),
-    filter(Method::Novel, 50),
+    filter(Method::Exact, 50),
 ];
 
 /// The entries of a full run, in the order they are printed.
@@ -44,9 +44,9 @@ pub const FULL: &[Estimator] = &[
     filter(Method::Conventional, 500),
     filter(Method::Paper, 50),
     filter(Method::Paper, 100),
-    filter(Method::Novel, 20),
-    filter(Method::Novel, 50),
-    filter(Method::Novel, 100),
+    filter(Method::Exact, 20),
+    filter(Method::Exact, 50),
+    filter(Method::Exact, 100),
 ];
 
 impl Estimator {
@@ -65,7 +65,7 @@ impl Estimator {
             Self::Filter { method, .. } => match method {
                 Method::Conventional => "conventional",
                 Method::Paper => "paper",
-                Method::Novel => "exact",
+                Method::Exact => "exact",
             },
         }
     }
@@ -111,12 +111,12 @@ pub fn odometry_section(noise: &OdometryNoise) -> OdometrySection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slam_pipeline::odometry::{Odometer, OdometryInterval};
+    use slam_pipeline::{Odometer, OdometryInterval};
 
     #[test]
     fn a_frame_of_rows_has_the_noise_the_generator_states_per_frame() {
         let noise = OdometryNoise::PAPER;
-        let mut odometer = Odometer::new(&odometry_section(&noise), false);
+        let mut odometer = Odometer::new(&odometry_section(&noise));
         let row = OdometryInterval {
             duration_s: FRAME_PERIOD_S / ROWS_PER_FRAME as f64,
             v_mps: 0.2,

@@ -2,7 +2,8 @@
 
 use super::recording::Recording;
 use nalgebra::{Matrix3, Point3, Vector3};
-use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+use slam_pipeline::MapLandmark;
+use slam_pipeline::record::PlanarPose;
 use std::f64::consts::{PI, TAU};
 use trajectory_eval::Statistics;
 
@@ -84,11 +85,11 @@ pub fn nees(
 
 /// Distance of each landmark from the surface point its last sighting saw, metres, in map
 /// order; landmarks without a unique one are left out.
-pub fn landmark_errors(landmarks: &[LandmarkRecord], recording: &Recording) -> Vec<f64> {
+pub fn landmark_errors(landmarks: &[MapLandmark], recording: &Recording) -> Vec<f64> {
     landmarks
         .iter()
         .filter_map(|landmark| {
-            let truth = recording.surface_point(landmark.descriptor.as_deref()?)?;
+            let truth = recording.surface_point(&landmark.descriptor)?;
             Some((Point3::from(landmark.position) - truth).norm())
         })
         .collect()

@@ -13,7 +13,7 @@ use mono_geometry::Distortion;
 use nalgebra::Point3;
 use slam_io::{CameraFile, MountFile};
 use slam_pipeline::detector_of;
-use slam_pipeline::odometry::OdometryInterval;
+use slam_pipeline::OdometryInterval;
 use std::collections::BTreeMap;
 use std::time::Instant;
 use vision_sift::{Features, GrayImage, Workspace};

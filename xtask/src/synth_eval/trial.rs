@@ -6,9 +6,8 @@ use super::recording::{Recording, camera_file};
 use anyhow::Context;
 use nalgebra::Matrix3;
 use serde::Serialize;
-use slam_pipeline::odometry::Odometer;
-use slam_pipeline::record::{LandmarkRecord, PlanarPose};
-use slam_pipeline::slam::{FrameInput, Slam};
+use slam_pipeline::record::PlanarPose;
+use slam_pipeline::{FrameInput, MapLandmark, Odometer, Rig, Slam};
 use std::time::Instant;
 use trajectory_eval::Statistics;
 
@@ -68,7 +67,7 @@ pub struct Trial {
     /// Estimated poses, one a frame.
     pub poses: Vec<PlanarPose>,
     /// Final map.
-    pub landmarks: Vec<LandmarkRecord>,
+    pub landmarks: Vec<MapLandmark>,
 }
 
 /// What an estimator leaves behind.
@@ -76,7 +75,7 @@ pub struct Trial {
 struct Track {
     poses: Vec<PlanarPose>,
     covariances: Vec<Matrix3<f64>>,
-    landmarks: Vec<LandmarkRecord>,
+    landmarks: Vec<MapLandmark>,
     n_eff: Vec<f64>,
     resamplings: usize,
     matches: usize,
@@ -133,13 +132,7 @@ fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> 
     let spec = recording.scene.spec();
     let config = estimator.config(spec.seed, &spec.odometry).check()?;
     let (camera, mount) = camera_file().camera_and_mount()?;
-    let body_from_camera = mount.body_from_camera;
-    let mut slam = Slam::new(
-        camera,
-        body_from_camera.rotation.matrix(),
-        &body_from_camera.translation,
-        &config,
-    )?;
+    let mut slam = Slam::new(Rig { camera, mount }, &config)?;
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
     let mut track = Track::default();
@@ -148,13 +141,13 @@ fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> 
             features,
             odometry: &recording.odometry[frame],
         };
-        let outcome = slam.step(&input, &clock)?;
-        track.poses.push(outcome.pose);
-        track.covariances.push(outcome.covariance);
-        track.matches += outcome.matches;
-        if frame > 0 && outcome.keyframe {
-            track.n_eff.push(outcome.n_eff);
-            track.resamplings += usize::from(outcome.resampled);
+        let report = slam.step(&input, &mut |_| {})?;
+        track.poses.push(report.estimate.pose.into());
+        track.covariances.push(report.estimate.covariance);
+        track.matches += report.matches;
+        if frame > 0 && report.keyframe {
+            track.n_eff.push(report.n_eff);
+            track.resamplings += usize::from(report.resampled);
         }
     }
     track.frame_ms = Some(clock() * 1e3 / recording.features.len() as f64);
@@ -166,16 +159,16 @@ fn filter(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> 
 fn dead_reckoning(estimator: Estimator, recording: &Recording) -> anyhow::Result<Track> {
     let spec = recording.scene.spec();
     let config = estimator.config(spec.seed, &spec.odometry).check()?;
-    let mut odometer = Odometer::new(&config.odometry, false);
+    let mut odometer = Odometer::new(&config.odometry);
     let mut track = Track::default();
     for intervals in &recording.odometry {
         for interval in intervals {
             odometer.push(interval)?;
         }
         let control = odometer.control();
-        let [x, y, phi] = control.increment;
-        let along = nalgebra::Vector3::new(x, y, 0.0) * config.odometry.scale_bias;
-        track.poses.push(PlanarPose { x, y, phi });
+        let reckoned = control.increment;
+        let along = nalgebra::Vector3::new(reckoned.x, reckoned.y, 0.0) * config.odometry.scale_bias;
+        track.poses.push(reckoned.into());
         track
             .covariances
             .push(control.covariance + along * along.transpose());

@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum MethodName {
     /// The paper's filter made exact
-    Novel,
+    Exact,
     /// The paper's printed formulas
     Paper,
     /// Poses from odometry, weights from the likelihood
@@ -103,7 +103,7 @@ fn settings(arguments: &Arguments) -> Result<ValidConfig, Failure> {
     };
     if let Some(method) = arguments.method {
         config.filter.method = match method {
-            MethodName::Novel => Method::Novel,
+            MethodName::Exact => Method::Exact,
             MethodName::Paper => Method::Paper,
             MethodName::Conventional => Method::Conventional,
         };

@@ -73,22 +73,18 @@ impl Matcher<'_> {
 
     /// The two nearest landmarks in view of every keypoint that is not used yet.
     fn in_view(&self, pairing: &mut Pairing) {
-        let visible = self.in_view.keys().filter_map(|id| {
-            let entry = self.catalogue.get(*id)?;
-            Some((*id, &*entry.descriptor))
-        });
-        let mut scan = ExactScan::new();
-        for (id, descriptor) in visible {
-            // The ids of a map are unique.
-            let _ = scan.insert(id, descriptor);
-        }
+        let visible: ExactScan = self
+            .in_view
+            .keys()
+            .filter_map(|id| Some((*id, &*self.catalogue.get(*id)?.descriptor)))
+            .collect();
         let open = self.open(pairing);
         let queries: Vec<Descriptor> = open
             .iter()
             .map(|q| self.frame.features.descriptors[q.keypoint])
             .collect();
         let mut nearest = Vec::new();
-        scan.two_nearest_batch(&queries, &mut nearest);
+        visible.two_nearest_batch(&queries, &mut nearest);
         self.take_distinct(&open, &nearest, pairing);
     }
 
