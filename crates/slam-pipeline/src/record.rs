@@ -37,8 +37,8 @@ impl From<PlanarPose> for Se2 {
     }
 }
 
-impl From<Se2> for PlanarPose {
-    fn from(Se2 { x, y, phi }: Se2) -> Self {
+impl From<mono_geometry::Se2> for PlanarPose {
+    fn from(mono_geometry::Se2 { x, y, phi }: mono_geometry::Se2) -> Self {
         PlanarPose { x, y, phi }
     }
 }

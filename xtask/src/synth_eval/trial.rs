@@ -167,7 +167,8 @@ fn dead_reckoning(estimator: Estimator, recording: &Recording) -> anyhow::Result
         }
         let control = odometer.control();
         let reckoned = control.increment;
-        let along = nalgebra::Vector3::new(reckoned.x, reckoned.y, 0.0) * config.odometry.scale_bias;
+        let along =
+            nalgebra::Vector3::new(reckoned.x, reckoned.y, 0.0) * config.odometry.scale_bias;
         track.poses.push(reckoned.into());
         track
             .covariances
