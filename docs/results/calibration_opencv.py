@@ -98,7 +98,7 @@ def main() -> None:
     parser.add_argument("--board", default="9x6")
     parser.add_argument("--square", type=float, default=0.04)
     parser.add_argument("--mono-slam", default="target/release/mono-slam")
-    parser.add_argument("--find-board", help="the example find_board of slam-pipeline: OpenCV's solver on our corners")
+    parser.add_argument("--find-board", help="the example find_board of camera-calibration: OpenCV's solver on our corners")
     parser.add_argument("--truth", type=Path, help="camera.toml with the true camera")
     options = parser.parse_args()
     cv2.setNumThreads(1)

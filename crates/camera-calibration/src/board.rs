@@ -65,7 +65,7 @@ pub enum NotFound {
     NoImage,
     /// Nothing looks like the corner of a checkerboard.
     NoCorners,
-    /// Too few corners that hang together.
+    /// Too few corners are connected to each other.
     FewCorners {
         /// Corners in the largest grid.
         found: usize,
@@ -90,7 +90,7 @@ pub enum NotFound {
     },
     /// More than one board of this size.
     Several {
-        /// How many.
+        /// Number of boards.
         boards: usize,
     },
     /// The board is there, but corners are too blurred or disturbed to be measured.
@@ -101,7 +101,7 @@ pub enum NotFound {
 }
 
 impl NotFound {
-    /// How far the search came; of several levels the furthest gives the reason.
+    /// How far the search came: of several pyramid levels, the one that came furthest gives the reason.
     pub(crate) fn progress(&self) -> usize {
         match self {
             NotFound::NoImage => 0,

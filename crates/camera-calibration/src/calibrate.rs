@@ -1,4 +1,4 @@
-//! From boards to a camera: the choice of images, their weights, and the account of what became of each.
+//! From boards to a camera: the choice of images, the weights of their corners, and the outcome of each image.
 //!
 //! Images of another size than most, images that could not be read and images without a whole board are kept by name
 //! with the reason ([`Outcome`]); the corners of the others go to [`mono_geometry::calibration`].
@@ -19,7 +19,7 @@ use crate::images::{
     CalibrationImage, CalibrationRun, CalibrationSettings, Outcome, Search, SearchedImage,
 };
 
-/// Fewest boards that are calibrated from: two leave the centre or the lens open in most cases.
+/// Fewest boards that a calibration needs: two leave the centre or the lens open in most cases.
 const LEAST_BOARDS: usize = 3;
 
 /// Error of a corner that its fit does not know, pixels: RMS against the truth in rendered images without noise.
@@ -108,7 +108,7 @@ pub fn calibrate_boards(
     })
 }
 
-/// The image with its board where the size is the usual one, else the reason why it does not serve.
+/// The image with its board if its size is the usual one, otherwise the reason why it cannot be used.
 fn sorted(image: SearchedImage, usual: (usize, usize)) -> CalibrationImage {
     let (board, outcome) = match image.search {
         Search::Unreadable(reason) => (None, Outcome::Unreadable(reason)),

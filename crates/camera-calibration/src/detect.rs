@@ -1,6 +1,6 @@
 //! Checkerboards in grey images: inner corners in board order, to a few hundredths of a pixel.
 //!
-//! Problem: given an image and the number of inner corners of the board, find the board or say why not.
+//! Problem: given an image and the number of inner corners of the board, find the board or say why it is not found.
 //!
 //! Steps, one a file:
 //! 1. `plane`: grey plane, blurred and, level by level, halved.
@@ -86,7 +86,7 @@ fn at_level(levels: &[Plane], size: BoardSize) -> Result<FoundBoard, NotFound> {
     }
     let grids = grid::grids(&blurred, &stars);
     let largest = grids.first().map_or(1, Grid::len);
-    // Filling can at most double what hangs together; less is no board.
+    // Filling can at most double the connected corners, so smaller grids cannot become a board.
     let mut promising: Vec<Grid> = grids
         .into_iter()
         .filter(|grid| 2 * grid.len() >= size.corners())
@@ -101,7 +101,7 @@ fn at_level(levels: &[Plane], size: BoardSize) -> Result<FoundBoard, NotFound> {
     let mut reason = NotFound::NoCorners;
     let mut taken: Vec<usize> = Vec::new();
     for grid in &mut promising {
-        // A part of a board that an earlier, larger part has grown over.
+        // This part of a board was absorbed by an earlier, larger part.
         if grid.values().any(|entry| taken.contains(&entry.0)) {
             continue;
         }

@@ -1,4 +1,4 @@
-//! What was asked for, the images that were searched, and what became of each of them.
+//! The settings of a calibration, the images that were searched, and the outcome of each of them.
 
 use mono_geometry::calibration::{Calibration, LensModel};
 
@@ -6,7 +6,7 @@ use crate::board::{BoardSize, FoundBoard, NotFound};
 use crate::detect::find_board;
 use crate::image::GreyView;
 
-/// What was photographed, and which camera is wanted.
+/// The board that was photographed, and the lens model to estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CalibrationSettings {
     /// Inner corners of the board.
@@ -72,7 +72,7 @@ impl SearchedImage {
     }
 }
 
-/// What became of an image.
+/// The use that the calibration made of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
     /// The board was found and used: index into [`Calibration::views`].
@@ -87,14 +87,14 @@ pub enum Outcome {
     NoBoard(NotFound),
 }
 
-/// An image and what became of it.
+/// An image and its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationImage {
     /// Its name, as the caller gave it.
     pub name: String,
     /// The board, when it was found in an image of the right size.
     pub board: Option<FoundBoard>,
-    /// What became of it.
+    /// The use that the calibration made of it.
     pub outcome: Outcome,
 }
 
@@ -115,11 +115,11 @@ impl CalibrationImage {
 /// A finished calibration and the images behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationRun {
-    /// What was asked for.
+    /// The settings that were given.
     pub settings: CalibrationSettings,
-    /// Image columns.
+    /// Number of image columns.
     pub width: usize,
-    /// Image rows.
+    /// Number of image rows.
     pub height: usize,
     /// Every image in the order given.
     pub images: Vec<CalibrationImage>,

@@ -3,7 +3,7 @@
 //!
 //! [`find_board`] finds the inner corners of a checkerboard in one image, in board order and to a
 //! few hundredths of a pixel. [`calibrate_boards`] makes a camera of the boards in several images
-//! by Zhang's method ([`mono_geometry::calibration`]) and says of every image what became of it.
+//! by Zhang's method ([`mono_geometry::calibration`]) and reports the outcome of every image.
 //!
 //! Use it for a pinhole camera with a radial-tangential, rational or Kannala-Brandt lens and a
 //! printed checkerboard. Do not use it for circle grids or coded boards, for several cameras at
@@ -22,7 +22,7 @@
 //! ```
 //!
 //! The three types to know are [`FoundBoard`] (the corners of one image), [`SearchedImage`] (an
-//! image after the search) and [`CalibrationRun`] (the camera, and what became of every image).
+//! image after the search) and [`CalibrationRun`] (the camera, and the outcome of every image).
 
 mod board;
 mod calibrate;

@@ -1,4 +1,4 @@
-//! Camera calibrations: what `camera.toml` holds, and the files of other tools that hold it too.
+//! Camera calibrations: `camera.toml` and the files of other tools that hold the same.
 //!
 //! | [`CameraFormat`] | written by | lens models |
 //! |---|---|---|
@@ -33,7 +33,7 @@ use yaml::Node;
 pub use file::{CameraFile, MountFile};
 pub(crate) use native::read_camera;
 
-/// Whose file a calibration is in.
+/// The file format of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CameraFormat {
     /// `camera.toml` of a sequence folder.
@@ -46,7 +46,7 @@ pub enum CameraFormat {
     Ros,
 }
 
-/// Reads a calibration; without a `format` it is recognised by what the file says.
+/// Reads a calibration; without a `format` it is recognised by the contents of the file.
 ///
 /// `camera` chooses among the cameras of a Kalibr file (`None`: `cam0`).
 ///

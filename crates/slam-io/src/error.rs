@@ -1,9 +1,9 @@
-//! What can be wrong with a sequence folder.
+//! Faults of sequence folders, camera files and trajectory files.
 
 use std::io;
 use std::path::PathBuf;
 
-/// A fault of a sequence folder or of a trajectory file: where, what was expected, what was found.
+/// A fault of a sequence folder, a camera file or a trajectory file: the place, the expected and the found contents.
 #[derive(Debug, thiserror::Error)]
 pub enum SequenceError {
     /// The operating system refused to read a file or folder.
@@ -21,9 +21,9 @@ pub enum SequenceError {
         path: PathBuf,
         /// Line number, from one.
         line: u64,
-        /// What should be there.
+        /// The expected contents.
         expected: String,
-        /// What is there.
+        /// The contents found.
         found: String,
     },
     /// A file or folder as a whole is wrong.
@@ -31,9 +31,9 @@ pub enum SequenceError {
     File {
         /// The file or folder.
         path: PathBuf,
-        /// What should be there.
+        /// The expected contents.
         expected: String,
-        /// What is there.
+        /// The contents found.
         found: String,
     },
     /// A frame was asked for that the sequence does not have.
@@ -47,9 +47,9 @@ pub enum SequenceError {
     /// A calibration that a file format cannot hold.
     #[error("{format} has no place for {what}")]
     NoPlace {
-        /// The format, in words.
+        /// Name of the format.
         format: &'static str,
-        /// What is too much for it.
+        /// The part of the calibration that it cannot hold.
         what: String,
     },
 }

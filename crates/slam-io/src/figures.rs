@@ -32,7 +32,7 @@ pub struct PathFigures {
 /// All figures of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunFigures {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Frames that were filter steps.
     pub keyframes: usize,
@@ -44,7 +44,7 @@ pub struct RunFigures {
     pub landmarks: usize,
     /// Median standard deviation of a landmark's position, metres; `None` for an empty map.
     pub landmark_uncertainty_median_m: Option<f64>,
-    /// Keypoints per frame that had any, mean; `None` when no frame was looked at.
+    /// Mean number of keypoints over the frames that had any; `None` when none had.
     pub keypoints_mean: Option<f64>,
     /// Matches used per keyframe, mean; `None` without keyframes.
     pub matches_mean: Option<f64>,
@@ -54,7 +54,7 @@ pub struct RunFigures {
     pub resampled: usize,
     /// Effective number of particles over keyframes, mean.
     pub n_eff_mean: Option<f64>,
-    /// Its smallest value.
+    /// Smallest effective number of particles over keyframes.
     pub n_eff_min: Option<f64>,
     /// Distinct first-frame ancestors at the end.
     pub unique_ancestors_final: Option<usize>,
@@ -127,7 +127,7 @@ pub fn run_figures(run: &RunRecord) -> RunFigures {
     }
 }
 
-/// Root of the covariance's trace: the distance by which the landmark is typically wrong, metres.
+/// Root of the covariance's trace: the typical distance between the estimated landmark and the true one, metres.
 pub fn uncertainty_m(landmark: &LandmarkRecord) -> f64 {
     landmark.covariance.trace().max(0.0).sqrt()
 }

@@ -12,9 +12,9 @@ use crate::error::SequenceError;
 /// An 8-bit grey image, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GreyImage {
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// `width * height` values, row by row.
     pub pixels: Vec<u8>,
@@ -90,7 +90,7 @@ pub(crate) fn load_grey(path: &Path, camera: &CameraFile) -> Result<GreyImage, S
 /// Decodes a PNG or JPEG file of any size to grey.
 ///
 /// # Errors
-/// [`SequenceError`] when the file cannot be read or is no whole image.
+/// [`SequenceError`] when the file cannot be read or is not a complete image.
 pub fn read_grey(path: &Path) -> Result<GreyImage, SequenceError> {
     let grey = decoded(path, open(path).and_then(ImageReader::decode))?.into_luma8();
     Ok(GreyImage {
@@ -113,7 +113,7 @@ fn is_image_name(path: &Path) -> bool {
     known && !hidden
 }
 
-/// The format is that of the contents; the name decides only when they are silent.
+/// The contents decide about the format; the name decides only where they do not tell.
 fn open(path: &Path) -> ImageResult<ImageReader<std::io::BufReader<fs::File>>> {
     Ok(ImageReader::open(path)?.with_guessed_format()?)
 }

@@ -97,7 +97,7 @@ pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
     report_data::read(&dir.join("report_data.json"), landmarks)
 }
 
-/// A result with a NaN or an infinity in it is refused whole, with the first place named.
+/// Refuses a run with a NaN or an infinity in it and names the first place.
 fn check_finite(run: &RunRecord) -> Result<(), OutputError> {
     let refuse = |what: String| Err(OutputError::NotFinite { what });
     let finite_pose =

@@ -1,4 +1,4 @@
-//! A finished run as plain values: what the frame loop reported, frame by frame, and what surrounds it.
+//! A finished run as plain values: the reports of the frame loop, frame by frame, and the facts of the run.
 //!
 //! The program fills a [`RunRecord`]; [`write_run`](crate::write_run) writes it and the report page draws it. Times in
 //! these values are measured by the caller of the frame loop and never feed back into the estimate.
@@ -80,7 +80,7 @@ pub struct FrameRecord {
     pub nis: Option<f64>,
     /// Milliseconds per stage.
     pub times: StageTimes,
-    /// Why the frame had no measurement update or what was repaired; empty when nothing.
+    /// Remarks: why the frame had no measurement update, or a repair that was made; empty for an ordinary frame.
     pub notes: Vec<String>,
 }
 

@@ -57,10 +57,10 @@ impl Sequence {
     /// # Errors
     /// [`SequenceError`] with the file, the line where there is one, what was
     /// expected and what was found: a missing or unreadable file, no image, an image
-    /// that is none or has another size than `camera.toml` says, a count of times
+    /// that cannot be decoded or has another size than `camera.toml` says, a count of times
     /// other than the count of images, numbers that are not finite, times that do
-    /// not increase, an unknown key, a rotation that is none, a speed no wheeled
-    /// robot has, odometry that starts after the first frame.
+    /// not increase, an unknown key, a matrix that is not a rotation, a speed that no
+    /// wheeled robot has, odometry that starts after the first frame.
     pub fn open(path: &Path) -> Result<Sequence, SequenceError> {
         if !path.is_dir() {
             return Err(SequenceError::File {

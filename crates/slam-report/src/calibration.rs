@@ -14,10 +14,10 @@ use slam_io::GreyImage;
 
 use crate::card::STYLE;
 
-/// What the page of a run does not need.
+/// The style that only this page uses.
 const MORE_STYLE: &str = include_str!("calibration/page.css");
 
-/// The whole page. `load` reads an image again for the pictures, given its index in the run; `None` leaves the picture out.
+/// Draws the page. `load` reads an image again for the pictures, given its index in the run; `None` leaves the picture out.
 ///
 /// Size: a few hundred kilobytes. Time O(corners).
 pub fn render_calibration_html(

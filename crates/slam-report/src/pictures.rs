@@ -12,7 +12,7 @@ use slam_pipeline::record::KeypointFate;
 const MOST_PICTURES: usize = 8;
 /// Wider pictures are reduced by a whole factor.
 const WIDEST_PIXELS: usize = 480;
-/// What can become of a keypoint: how it is called and which class draws it, least important first.
+/// Fates of a keypoint with their name on the page and the class that draws them, least important first.
 const FATES: [(KeypointFate, &str, &str); 4] = [
     (KeypointFate::Unused, "unused", "grey"),
     (KeypointFate::New, "new landmark", "blue"),

@@ -9,10 +9,10 @@ use crate::card::STYLE;
 use crate::escape::escape;
 use crate::{birdseye, charts, figures, pictures};
 
-/// The whole page.
+/// Draws the page of a run.
 ///
 /// Size: a few hundred kilobytes, mostly the pictures; long runs are thinned. Time O(frames + landmarks).
-/// A record with NaN in it still gives a page: such points are left out.
+/// Points that are not finite are left out.
 pub fn render_run_html(run: &RunRecord) -> String {
     let figures = run_figures(run);
     let name = escape(&run.sequence);

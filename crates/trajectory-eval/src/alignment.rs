@@ -1,10 +1,10 @@
-//! What may be removed from an estimate before it is compared, and the map that removes it.
+//! The motions that may be removed from an estimate before it is compared, and the map that removes them.
 
 use std::fmt;
 
 use nalgebra::Isometry3;
 
-/// What may be removed from the estimate before errors are taken.
+/// The motion that is removed from the estimate before errors are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alignment {
     /// Nothing: both trajectories share a frame.

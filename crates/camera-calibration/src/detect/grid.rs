@@ -31,7 +31,7 @@ pub(super) type Grid = BTreeMap<Cell, (usize, usize)>;
 /// Grid directions in the order of growing angles.
 pub(super) const DIRECTIONS: [Cell; 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 
-/// Stars looked at around each; between a corner and its neighbours there is nothing but noise.
+/// Number of nearby stars that are tried as neighbours of each; between a corner and its neighbours lies only noise.
 const NEAREST: usize = 120;
 /// Largest angle between an edge and the line to the neighbour it leads to, radians (20 degrees: the ring's error
 /// plus what lens and perspective bend over one square).

@@ -1,7 +1,7 @@
 //! All corners of a board measured: levels, windows, and the bending of its edges by the lens.
 //!
-//! Problem: `refine` fits one corner with straight edges; which pixels, which level, and what of edges that the
-//! lens bends?
+//! Problem: `refine` fits one corner with straight edges. This file chooses the pixels and the pyramid level, and accounts
+//! for edges that the lens bends.
 //!
 //! Steps: fit at the level where the board was found, then at finer ones while the edges look sharper than [`SHARP_PX`];
 //! corners of few pixels take their blur from the others; at the last level, fit once more with the edges bent.
@@ -103,7 +103,8 @@ fn lines(corner: &Star) -> [f64; 2] {
 }
 
 impl Measured {
-    /// Every corner fitted at a level; the number of those that cannot be, else. `bends` in 1 / pixels of the finest level.
+    /// Fits every corner at a level; an error carries the number of corners that cannot be fitted. `bends` are in
+    /// 1 / pixels of the finest level.
     fn refined(
         &self,
         plane: &Plane,

@@ -7,9 +7,9 @@
 //!   I(p) = o + g^T (p - c) + h erf(d_1 / (sqrt 2 s_1)) erf(d_2 / (sqrt 2 s_2)),
 //!   d_k = (-sin a_k, cos a_k) . (p - c) - b_k / 2 ((cos a_k, sin a_k) . (p - c))^2
 //!
-//! The bends b_k of the edges are given (by the module `measure`). The ten parameters are fitted by least squares (Levenberg-Marquardt) to all pixels within a window shaped like
-//! the squares ([`Window`]). All pixels along
-//! both edges take part, each with the weight that noise gives it, so the estimate is close to the most that the pixels allow;
+//! The bends b_k of the edges are given by the module `measure`. The ten parameters are fitted by least squares
+//! (Levenberg-Marquardt) to all pixels within a window shaped like the squares ([`Window`]). All pixels along both edges
+//! take part, each with the weight that noise gives it, so the estimate is close to the best that the pixels allow;
 //! its covariance is s^2 (J^T J)^-1 with s^2 from the residuals. `cornerSubPix` (Förstner's orthogonality of gradients)
 //! uses the same pixels with weights that grow with noise. For edges at a right angle under one blur the product is
 //! exact; for others it is not, but model and image both map to themselves by a half turn about c, so nothing
@@ -31,7 +31,7 @@ const N: usize = 10;
 const MOST_ITERATIONS: usize = 40;
 /// A step of c below this ends the fit, pixels: a hundredth of the best standard deviation to be had.
 const SMALLEST_STEP_PX: f64 = 1e-4;
-/// Blur that is believed, pixels: a pixel's own square has 0.29.
+/// Range of blur that is believed, pixels: the square of a pixel alone has 0.29.
 const WIDTH_RANGE: (f64, f64) = (0.2, 8.0);
 /// Share of a square around a corner in which no other corner shows.
 const OWN_SHARE: f64 = 0.4;
@@ -91,12 +91,12 @@ pub(super) struct Fit {
     pub(super) sigma_px: f64,
 }
 
-/// What a fit may change.
+/// The parameters that a fit may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Freedom {
     /// All ten parameters.
     Full,
-    /// The blur is that given and the ground level: for windows of few pixels, where these follow the noise.
+    /// The blur keeps its given value and the ground stays level. For windows of few pixels, where both would follow the noise.
     Stiff,
 }
 
@@ -274,7 +274,7 @@ fn linearised(
     (normal, gradient, cost)
 }
 
-/// What the model needs of an edge at every pixel.
+/// The quantities of an edge that the model uses at every pixel.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     sin: f64,

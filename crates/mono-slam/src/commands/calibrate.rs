@@ -11,10 +11,10 @@ use mono_slam::calibrate::calibrate_files;
 use slam_io::{camera_toml, image_files, read_grey, write_file};
 use slam_report::render_calibration_html;
 
-use super::metres;
+use super::threshold::metres;
 use crate::failure::{Failure, print};
 
-/// What to calibrate from.
+/// Arguments of `mono-slam calibrate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// PNG or JPEG images, or folders of them

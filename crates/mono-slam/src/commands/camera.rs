@@ -6,7 +6,7 @@ use slam_io::{CameraFormat, calibration_text, read_calibration, write_file};
 
 use crate::failure::Failure;
 
-/// What to convert and into what.
+/// Arguments of `mono-slam camera`.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "The mount exists in camera.toml only: a file of another tool is read with the camera looking \
@@ -60,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.from.map(Into::into),
         arguments.camera.as_deref(),
     )?;
-    // What `run` would refuse is refused here.
+    // A camera that `run` would refuse is refused here.
     calibration
         .camera_and_mount()
         .map_err(|error| Failure::input(format!("{}: {error}", arguments.input.display())))?;

@@ -9,10 +9,10 @@ use trajectory_eval::{
     AbsoluteError, Alignment, RelativeError, Statistics, absolute_error, relative_error,
 };
 
-use super::{check_ate, metres};
+use super::threshold::{check_ate, metres};
 use crate::failure::{Failure, print};
 
-/// What to compare and how.
+/// Arguments of `mono-slam eval`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Estimated trajectory in TUM format
@@ -21,7 +21,7 @@ pub(crate) struct Arguments {
     /// Reference trajectory in TUM format
     #[arg(value_name = "REFERENCE.tum")]
     reference: PathBuf,
-    /// What to remove from the estimate before errors are taken
+    /// Motion to remove from the estimate before errors are taken
     #[arg(long, value_enum, default_value_t = Align::None)]
     align: Align,
     /// Frames from one end of a relative step to the other

@@ -13,7 +13,7 @@ use crate::failure::Failure;
 /// The largest limit the configuration allows; no image of ordinary size has as many.
 const MAX_KEYPOINTS: u32 = 100_000;
 
-/// What to detect.
+/// Arguments of `mono-slam features`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// PNG or JPEG images

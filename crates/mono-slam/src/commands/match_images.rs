@@ -11,7 +11,7 @@ use vision_sift::Features;
 use super::features::detect;
 use crate::failure::Failure;
 
-/// What to match.
+/// Arguments of `mono-slam match`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// First image

@@ -1,4 +1,4 @@
-//! One file a command: its arguments and what it does.
+//! The commands, one file each with its arguments and its action.
 
 pub(crate) mod calibrate;
 pub(crate) mod camera;
@@ -8,23 +8,4 @@ pub(crate) mod features;
 pub(crate) mod match_images;
 pub(crate) mod report;
 pub(crate) mod run;
-
-use crate::failure::Failure;
-
-/// A threshold in metres: finite and positive.
-pub(crate) fn metres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("expected a positive number of metres".into()),
-    }
-}
-
-/// Fails when an absolute trajectory error is above the threshold given.
-pub(crate) fn check_ate(rmse_m: f64, max_ate_m: Option<f64>) -> Result<(), Failure> {
-    match max_ate_m {
-        Some(max_ate_m) if rmse_m > max_ate_m => Err(Failure::Threshold(format!(
-            "the absolute trajectory error is {rmse_m:.6} m RMSE, --max-ate allows {max_ate_m} m"
-        ))),
-        _ => Ok(()),
-    }
-}
+mod threshold;

@@ -7,7 +7,7 @@ use slam_report::render_run_html;
 
 use crate::failure::Failure;
 
-/// What to draw.
+/// Arguments of `mono-slam report`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Folder of a finished run

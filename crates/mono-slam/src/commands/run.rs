@@ -12,13 +12,13 @@ use slam_pipeline::config::{Config, Method, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
-use super::{check_ate, metres};
+use super::threshold::{check_ate, metres};
 use crate::failure::Failure;
 
 /// Seconds between two lines of progress where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(3);
 
-/// What to run and how.
+/// Arguments of `mono-slam run`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Sequence folder: images/, times.txt, camera.toml, odometry.csv

@@ -225,7 +225,7 @@ fn line_of(value: &MarkedYaml<'_>) -> u64 {
     value.span.start.line() as u64
 }
 
-/// What a tag such as `!!opencv-matrix` stands before.
+/// The value behind a tag such as `!!opencv-matrix`.
 fn untagged<'a>(value: &'a MarkedYaml<'a>) -> &'a MarkedYaml<'a> {
     match &value.data {
         YamlData::Tagged(_, inner) => untagged(inner),

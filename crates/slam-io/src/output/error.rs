@@ -1,4 +1,4 @@
-//! What can go wrong when results are written or read back.
+//! Faults of writing results and of reading them back.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ pub enum OutputError {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried: `created`, `written`, `read`, ...
+        /// The attempted action: `created`, `written`, `read`, ...
         action: &'static str,
         /// The system's reason.
         source: io::Error,
@@ -19,23 +19,23 @@ pub enum OutputError {
     /// A result is NaN or infinite; nothing was written.
     #[error("results are not written: {what} is not finite")]
     NotFinite {
-        /// The first such result.
+        /// Name of the first such result.
         what: String,
     },
-    /// A file is not what it should be.
+    /// A file has other contents than it should have.
     #[error("{}: expected {expected}, found {found}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What should be there.
+        /// The expected contents.
         expected: String,
-        /// What is there.
+        /// The contents found.
         found: String,
     },
     /// A value could not be put into a file's format.
     #[error("results cannot be encoded: {reason}")]
     Encoding {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }

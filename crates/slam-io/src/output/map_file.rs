@@ -61,20 +61,17 @@ pub(super) fn encode_map(landmarks: &[LandmarkRecord]) -> Vec<u8> {
     bytes
 }
 
-/// Landmarks of a map file.
+/// Reads the landmarks of a map file.
 ///
 /// # Errors
-/// As [`decode_map`], and when the file cannot be read.
+/// [`OutputError::Io`] when the file cannot be read; [`OutputError::Malformed`] when the bytes are no map, of another
+/// version, cut short, longer than they say, or fail their checksum.
 pub fn read_map(path: &Path) -> Result<Vec<LandmarkRecord>, OutputError> {
     let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
     decode_map(path, &bytes)
 }
 
 /// Landmarks from a map file's bytes; `path` is for messages.
-///
-/// # Errors
-/// [`OutputError::Malformed`] when the bytes are no map, of another version, cut short,
-/// longer than they say, or fail their checksum.
 fn decode_map(path: &Path, bytes: &[u8]) -> Result<Vec<LandmarkRecord>, OutputError> {
     let fault = |expected: String, found: String| OutputError::malformed(path, expected, found);
     if bytes.len() < HEADER_BYTES + CHECKSUM_BYTES {

@@ -65,7 +65,7 @@ const FISHEYE: Distortion = Distortion::KannalaBrandt {
     k4: 0.0025,
 };
 
-/// What is read from a file with this text.
+/// The calibration read from a file with this text.
 fn reading(
     text: &str,
     format: Option<CameraFormat>,
@@ -209,7 +209,7 @@ fn val_opencv_pixels_through_its_own_files() {
     assert_eq!(count, 15);
 }
 
-/// What the documentation of each tool shows, with everything around it that we ignore.
+/// Files as the documentation of each tool shows them, with everything around that we ignore.
 #[test]
 fn files_as_the_tools_write_them() {
     let kalibr = "cam0:\n  T_cam_imu:\n  - [0.01, 0.99, -0.02, 0.06]\n  - [-0.99, 0.01, 0.02, -0.01]\n  \

@@ -1,4 +1,4 @@
-//! What is written reads back bit for bit; damage is noticed; equal runs give equal bytes.
+//! Results read back bit for bit, damage is noticed, and equal runs give equal bytes.
 
 use std::fs;
 use std::path::Path;
@@ -19,7 +19,7 @@ const FILES: [&str; 8] = [
     "trajectory_smoothed.tum",
 ];
 
-/// What is broken, and how to break it.
+/// The name of a broken value, and how to break it.
 type Damage = (&'static str, fn(&mut RunRecord));
 
 fn names(dir: &Path) -> Vec<String> {

@@ -93,7 +93,7 @@ pub(super) fn cards(run: &CalibrationRun) -> String {
     html
 }
 
-/// What to doubt, or that there is nothing.
+/// The warnings of the calibration; empty without any.
 pub(super) fn doubts(run: &CalibrationRun) -> String {
     if run.calibration.warnings.is_empty() {
         return String::new();
@@ -209,7 +209,7 @@ fn correlations(run: &CalibrationRun) -> String {
     )
 }
 
-/// Every image and what became of it.
+/// Every image and its outcome.
 pub(super) fn images(run: &CalibrationRun) -> String {
     let mut html = String::from(
         "<section>\n<h2>Images</h2>\n<div class=\"card\"><div class=\"scroll\"><table>\n<thead><tr><th>image</th><th>RMS px</th><th>largest px</th>\

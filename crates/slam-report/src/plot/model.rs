@@ -5,7 +5,7 @@ use super::colour::Colour;
 /// One plot: its frame and what is drawn in it, first layer at the bottom.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
-    /// What the plot shows, for the reader of a screen and the file of its own.
+    /// Subject of the plot, for screen readers and for a file of its own.
     pub title: String,
     /// Label of the horizontal axis with its unit.
     pub x_label: String,
@@ -15,15 +15,15 @@ pub struct Plot {
     pub width: f64,
     /// Height; ignored when `equal_aspect` computes it.
     pub height: f64,
-    /// One metre is as long along y as along x; the height follows from the data.
+    /// Whether a unit is as long along y as along x; the height then follows from the data.
     pub equal_aspect: bool,
-    /// Range of x; `None` takes what the layers need.
+    /// Range of x; `None` takes the range of the layers.
     pub x_range: Option<(f64, f64)>,
-    /// Range of y; `None` takes what the layers need.
+    /// Range of y; `None` takes the range of the layers.
     pub y_range: Option<(f64, f64)>,
     /// Size of the text in the drawing's units.
     pub font_size: f64,
-    /// What is drawn.
+    /// The layers, drawn in this order.
     pub layers: Vec<Layer>,
     /// Invisible columns that show a text when the pointer rests on them: (x, text), x increasing.
     pub hints: Vec<(f64, String)>,
@@ -87,7 +87,7 @@ pub enum Layer {
         label: String,
         /// Their colour.
         colour: Colour,
-        /// Where.
+        /// Positions along x.
         xs: Vec<f64>,
     },
     /// A horizontal line across the whole width.
@@ -96,7 +96,7 @@ pub enum Layer {
         label: String,
         /// Its colour.
         colour: Colour,
-        /// Where.
+        /// Position along y.
         y: f64,
     },
     /// An arrowhead at a pose.
