@@ -2,10 +2,11 @@
 //!
 //! `RAYON_NUM_THREADS=1 cargo run --release -p range-bearing-slam --example fastslam_rate -- 100`
 //!
-//! One line a filter: updates (particles times measurements of landmarks already in the map), seconds for the
-//! whole run (prediction at 40 Hz, proposal, weights, resampling, maps), updates per second. With a
-//! second argument, a file, the map goes there: `lm 2 COUNT` and `wp 2 COUNT`, each followed by x and y a line,
-//! in the frame of the first pose.
+//! The argument is the number of particles. Each filter prints one line: updates (particles times
+//! measurements of landmarks already in the map), seconds for the whole run (prediction at 40 Hz,
+//! proposal, weights, resampling, maps), updates per second. A second argument names a file for the map,
+//! which then holds `lm 2 COUNT` and `wp 2 COUNT`, each followed by lines of x and y in the frame of the
+//! first pose.
 
 #[path = "support/filters.rs"]
 mod filters;
@@ -24,7 +25,7 @@ use std::error::Error;
 use std::fmt::Write;
 use std::time::Instant;
 
-/// Measurements of landmarks seen before.
+/// Number of measurements of landmarks that were seen before.
 fn known(scans: &[Scan]) -> usize {
     let mut seen = BTreeSet::new();
     scans

@@ -3,9 +3,9 @@
 //!
 //! `cargo run --release -p range-bearing-slam --example kim2008 [-- --quick] [-- --out FOLDER]`
 //!
-//! Prints four tables; with `--out` writes them as CSV too, and the NEES of every scan. The paper gives neither
-//! its maps nor the noise of its controls but for the third setting: those are used throughout, and every
-//! run has a map of its own.
+//! The example prints four tables; with `--out` it writes them as CSV too, and the NEES of every scan. The
+//! paper gives the noise of its controls for the third setting only, and no maps. That noise is used
+//! throughout, and every run has a map of its own.
 
 #[path = "support/align.rs"]
 mod align;
@@ -47,7 +47,7 @@ const LARGE_LOOP: [[f64; 2]; 8] = [
     [0.0, 100.0],
     [0.0, 0.0],
 ];
-/// Scans in a block at most: one second.
+/// Largest number of scans in a block: one second.
 const LONGEST_BLOCK: usize = 5;
 
 /// One line of a table: a filter and the form of its scans.
@@ -117,7 +117,7 @@ fn setting(path: &[[f64; 2]], range_deviation: f64, bearing_degrees: f64) -> Set
     }
 }
 
-/// The same runs for every entry and every N.
+/// The scores of the same runs for every entry and every number of particles.
 fn scores(
     setting: &Setting<'_>,
     entry: Entry,
@@ -152,7 +152,7 @@ fn column(scores: &[Score], value: impl Fn(&Score) -> f64) -> (f64, f64) {
     mean_and_error(&scores.iter().map(value).collect::<Vec<_>>())
 }
 
-/// (1) 3 particles, 0.2 m and 8 degrees.
+/// Table (1): 3 particles, 0.2 m and 8 degrees.
 fn rectangle(output: &Output, runs: u64) -> Result<(), Box<dyn Error>> {
     let setting = setting(&RECTANGLE, 0.2, 8.0);
     let mut rows = vec![head(&[
@@ -194,7 +194,17 @@ fn rectangle(output: &Output, runs: u64) -> Result<(), Box<dyn Error>> {
     output.table("rectangle.csv", &title, &rows)
 }
 
-/// The sweep of Fig. 4: five noises, 10 particles.
+/// A row with the errors of one entry.
+fn error_row(case: String, index: usize, scores: &[Score]) -> Vec<String> {
+    vec![
+        case,
+        ENTRIES[index].name.to_owned(),
+        plus_minus(column(scores, |score| score.mse)),
+        plus_minus(column(scores, |score| score.aligned_mse)),
+    ]
+}
+
+/// Table (1b), the sweep of Fig. 4: five noises, 10 particles.
 fn sweep(output: &Output, runs: u64) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![head(&["noise", "filter", "MSE m^2", "MSE aligned m^2"])];
     for (range, bearing) in [(0.1, 3.0), (0.2, 6.0), (0.2, 8.0), (0.3, 10.0), (0.3, 14.0)] {
@@ -205,12 +215,8 @@ fn sweep(output: &Output, runs: u64) -> Result<(), Box<dyn Error>> {
                 10,
                 runs,
             )?;
-            rows.push(vec![
-                format!("{range} m {bearing} deg"),
-                ENTRIES[index].name.to_owned(),
-                plus_minus(column(&scores, |score| score.mse)),
-                plus_minus(column(&scores, |score| score.aligned_mse)),
-            ]);
+            let noise = format!("{range} m {bearing} deg");
+            rows.push(error_row(noise, index, &scores));
         }
     }
     output.table(
@@ -220,19 +226,14 @@ fn sweep(output: &Output, runs: u64) -> Result<(), Box<dyn Error>> {
     )
 }
 
-/// (2) How many particles.
+/// Table (2): the error over the number of particles.
 fn particles(output: &Output, runs: u64, counts: &[usize]) -> Result<(), Box<dyn Error>> {
     let setting = setting(&LARGE_LOOP, 0.2, 6.0);
     let mut rows = vec![head(&["particles", "filter", "MSE m^2", "MSE aligned m^2"])];
     for &count in counts {
         for index in [EXACT, EACH_SCAN, FOLDED] {
             let scores = scores(&setting, ENTRIES[index], count, runs)?;
-            rows.push(vec![
-                count.to_string(),
-                ENTRIES[index].name.to_owned(),
-                plus_minus(column(&scores, |score| score.mse)),
-                plus_minus(column(&scores, |score| score.aligned_mse)),
-            ]);
+            rows.push(error_row(count.to_string(), index, &scores));
         }
     }
     output.table(
@@ -242,7 +243,7 @@ fn particles(output: &Output, runs: u64, counts: &[usize]) -> Result<(), Box<dyn
     )
 }
 
-/// (3) Consistency: NEES averaged over the runs, scan by scan.
+/// Table (3), consistency: NEES averaged over the runs, scan by scan.
 fn consistency(output: &Output, runs: u64, counts: &[usize]) -> Result<(), Box<dyn Error>> {
     let mut setting = setting(&SMALL_LOOP, 0.1, 1.0);
     setting.landmarks = (4.0, 4.0);
@@ -308,8 +309,8 @@ fn time(scan: usize) -> f64 {
     0.2 * (scan + 1) as f64
 }
 
-/// The scan at which the mean NEES of a second first lies above the band, and the one from which on it always
-/// does.
+/// The scan at which the mean NEES of a second first lies above the band, and the scan from which on it
+/// always does.
 fn exits(nees: &[f64]) -> (Option<usize>, Option<usize>) {
     const WINDOW: usize = 5;
     let above: Vec<bool> = nees

@@ -1,5 +1,5 @@
 //! A point robot in the plane maps four landmarks from noisy offsets. The conventional filter draws
-//! from odometry, the unscented one looks at the measurements first; both weigh exactly.
+//! from the odometry, the unscented one takes the measurements into account; both weights are exact.
 //!
 //! `cargo run -p range-bearing-slam --example map_landmarks`
 
@@ -65,7 +65,7 @@ impl InverseObservation<2, 2, 2> for Offset {
     }
 }
 
-/// Drives along x and measures what is within four metres.
+/// Drives along x and measures the landmarks within four metres.
 fn simulate(seed: u64) -> (Vec<Vector2<f64>>, Vec<Observation>) {
     let streams = Streams::new(seed);
     let mut truth = Vector2::zeros();

@@ -3,13 +3,13 @@
 //! `cargo run --release -p range-bearing-slam --example mrclam [-- --quick] [-- --out FOLDER]`
 //!
 //! Every robot is a run of its own that starts at its true pose, so errors are given as they are and after
-//! the rigid motion that fits the path best. `--out` writes paths and maps as CSV.
+//! the rigid motion that fits the path best. With `--out` paths and maps are written as CSV.
 //!
-//! Where the numbers come from: the sensor's standard deviations are the robust ones measured in the
-//! data (0.08 to 0.18 m, 0.006 to 0.011 rad), widened for offsets and the few per cent of wrong readings that a
-//! Gaussian does not know; the odometry's are what commanded velocities of such robots deserve (10 % in
-//! speed, 20 % in turning over a second). Nothing is corrected by the true paths; the thresholds of the
-//! association were chosen among about ten settings by the path error of two seeds.
+//! The standard deviations of the sensor are the robust ones measured in the data (0.08 to 0.18 m, 0.006
+//! to 0.011 rad), widened for offsets and the few per cent of wrong readings that a Gaussian does not
+//! model; those of the odometry are usual for commanded velocities of such robots (10 % in speed, 20 % in
+//! turning over a second). Nothing is corrected by the true paths; the thresholds of the association were
+//! chosen among about ten settings by the path error of two seeds.
 
 #[path = "support/align.rs"]
 mod align;
@@ -46,12 +46,12 @@ struct Errors {
     path_aligned: f64,
     landmarks: f64,
     landmarks_aligned: f64,
-    /// Landmarks in the map.
+    /// Number of landmarks in the map.
     count: f64,
 }
 
-/// `named`: the ids of the map are subjects; else each landmark is compared with the surveyed one
-/// nearest to it once the path is aligned.
+/// The errors of an estimate. If it is `named`, the ids of its map are subjects; otherwise each landmark
+/// is compared with the surveyed one that is nearest once the path is aligned.
 fn errors(run: &Run, estimate: &Estimate, named: bool) -> Errors {
     let truth: Vec<_> = run
         .instants

@@ -1,15 +1,15 @@
-//! A car among trees: the Victoria Park run, 26 minutes and about 4 km, with satellite fixes to judge by.
+//! A car among trees: the Victoria Park run, 26 minutes and about 4 km, with satellite fixes as reference.
 //!
 //! `cargo run --release -p range-bearing-slam --example victoria_park [-- --quick] [-- --out FOLDER]`
 //!
-//! Nobody knows which trunk is which: every particle decides by maximum likelihood. The frame of a run
-//! is its first pose, that of the fixes another, so errors are those after the rigid motion that fits best.
-//! `--out` writes paths and maps as CSV, so moved.
+//! The trunks have no names: every particle decides by maximum likelihood which trunk it sees. A run is in
+//! the frame of its first pose and the fixes are in another, so errors are those after the rigid motion
+//! that fits best. With `--out` paths and maps are written as CSV, moved in the same way.
 //!
-//! Where the numbers come from: vehicle and scanner are those of the data's authors, the noise of speed
-//! and steering is that of Kim, Sakthivel and Chung (2008); the sensor's is narrower than theirs (1.5 m,
-//! 2.8 degrees), by the size of a trunk and the steps of the scanner. About eight settings of association and
-//! sensor were tried with the distance to the fixes in view: the errors are those of a tuned filter.
+//! Vehicle and scanner are those of the data's authors, and the noise of speed and steering is that of Kim,
+//! Sakthivel and Chung (2008). The noise of the sensor is narrower than theirs (1.5 m, 2.8 degrees), by the
+//! size of a trunk and the steps of the scanner. About eight settings of association and sensor were tried
+//! with the distance to the fixes in view: the errors are those of a tuned filter.
 
 #[path = "support/align.rs"]
 mod align;

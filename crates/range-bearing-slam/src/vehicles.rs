@@ -23,14 +23,14 @@ impl Deviation {
 /// The way in which noise is pushed through the motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Propagation {
-    /// To first order.
+    /// By Jacobians, to first order.
     #[default]
     Jacobians,
     /// By 11 sigma points of pose and control noise.
     SigmaPoints,
 }
 
-/// A constant command for a while: speed in m/s, and the turn rate in rad/s ([`Unicycle`]) or the
+/// A command that stays constant for a while: speed in m/s, and the turn rate in rad/s ([`Unicycle`]) or the
 /// steering angle in radians ([`Bicycle`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
@@ -53,7 +53,7 @@ pub struct Unicycle {
     /// Standard deviations added once a frame (metres, metres, radians), positive, so that a robot at
     /// rest has a definite covariance.
     pub floor: [f64; 3],
-    /// How noise is pushed through.
+    /// The way in which noise is pushed through the motion.
     pub propagation: Propagation,
 }
 
@@ -69,7 +69,7 @@ pub struct Bicycle {
     pub steering: Deviation,
     /// Standard deviations added once a frame, as in [`Unicycle::floor`].
     pub floor: [f64; 3],
-    /// How noise is pushed through.
+    /// The way in which noise is pushed through the motion.
     pub propagation: Propagation,
 }
 
@@ -141,7 +141,8 @@ fn moved(pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(sum.x, sum.y, wrap(sum.z))
 }
 
-/// Drives the commands one after the other. `model` gives the variances of speed and turn, and the turn rate.
+/// Drives the commands one after the other. `model` gives the variances of speed and turn, and the turn
+/// rate.
 fn propagate<R: Fn(f64, f64) -> TurnRate>(
     pose: &Vector3<f64>,
     control: &[Command],
@@ -342,8 +343,7 @@ mod tests {
         }
     }
 
-    /// For small noise both propagations agree: sigma points differ by terms of second order in the
-    /// angles, (0.1)^2 here, Jacobians being off by as much.
+    /// For small noise both propagations agree up to terms of second order in the angles, (0.1)^2 here.
     #[test]
     fn sigma_points_and_jacobians_agree_to_first_order() {
         let noise = |fixed| Deviation { fixed, share: 0.01 };

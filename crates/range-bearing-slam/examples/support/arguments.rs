@@ -1,19 +1,19 @@
-//! `--quick` and `--out FOLDER`.
+//! The arguments of the examples, `--quick` and `--out FOLDER`.
 
 use std::error::Error;
 use std::path::PathBuf;
 
-/// What an example was asked for.
+/// The arguments of an example.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Arguments {
-    /// Fewer runs or less of a recording.
+    /// Whether to do fewer runs, or to take less of a recording.
     pub(crate) quick: bool,
-    /// Where CSV files go; made if it is not there.
+    /// Folder of the CSV files; it is made if it does not exist.
     pub(crate) out: Option<PathBuf>,
 }
 
 impl Arguments {
-    /// From the command line.
+    /// Parses the command line.
     ///
     /// # Errors
     /// An argument that is not known, or a folder that cannot be made.

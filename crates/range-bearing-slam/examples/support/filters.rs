@@ -1,15 +1,14 @@
 //! FastSLAM 1.0, FastSLAM 2.0 and the unscented filter on the simulated car, from the same traits.
 
-use super::motion::{between, moved, propagate};
+use super::motion::{Commanded, Planar, Step};
 use super::published::PublishedProposal;
 use super::simulation::{COMMAND_INTERVAL, Scan, Settings, WHEELBASE};
 use es_evolve::MoveParams;
-use estimation_base::wrap;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector3};
 use range_bearing_slam::{
-    ExtendedLandmarks, ExtendedProposal, Frame, Gaussian, LandmarkMapping, LandmarkParticle,
-    Linearisation, MotionModel, MotionProposal, MovePoses, RangeBearing, RangeBearingError,
-    UnscentedLandmarks, UnscentedProposal,
+    ExtendedLandmarks, ExtendedProposal, Frame, LandmarkMapping, LandmarkParticle, Linearisation,
+    MotionProposal, MovePoses, RangeBearing, RangeBearingError, UnscentedLandmarks,
+    UnscentedProposal,
 };
 use rbpf_core::{
     FilterConfig, MapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal, Rejuvenation,
@@ -40,49 +39,32 @@ pub(crate) enum Filter {
 
 type Commands = Vec<[f64; 2]>;
 
-/// Eq. (30) of the paper; speed and steering are noisy at every command.
+/// The car of Eq. (30) of the paper; speed and steering are noisy at every command.
 #[derive(Clone, Copy, Debug)]
 struct Car {
     speed_deviation: f64,
     steering_deviation: f64,
 }
 
-/// Keeps the covariance of a car that does not move positive definite, m^2 and rad^2.
-const FLOOR: f64 = 1e-12;
+impl Commanded for Car {
+    /// Speed and steering angle.
+    type Command = [f64; 2];
 
-impl MotionModel<3> for Car {
-    type Control = Commands;
+    const FLOOR: f64 = 1e-12;
 
-    fn predict(&self, pose: &Vector3<f64>, commands: &Commands) -> Gaussian<3> {
-        let mut mean = *pose;
-        let mut covariance = Matrix3::identity() * FLOOR;
-        let variances = [
-            self.speed_deviation.powi(2),
-            self.steering_deviation.powi(2),
-        ];
-        for &[speed, steering] in commands {
-            let distance = speed * COMMAND_INTERVAL;
-            let (sin, cos) = (mean.z + steering).sin_cos();
-            let per_distance = Vector3::new(cos, sin, steering.sin() / WHEELBASE);
-            let per_angle = Vector3::new(-sin, cos, steering.cos() / WHEELBASE) * distance;
-            let mut f = Matrix3::identity();
-            f[(0, 2)] = -distance * sin;
-            f[(1, 2)] = distance * cos;
-            let g =
-                SMatrix::<f64, 3, 2>::from_columns(&[per_distance * COMMAND_INTERVAL, per_angle]);
-            covariance = propagate(&covariance, &f, &g, variances);
-            mean += per_distance * distance;
+    fn step(&self, heading: f64, &[speed, steering]: &[f64; 2]) -> Step {
+        let distance = speed * COMMAND_INTERVAL;
+        let (sin, cos) = (heading + steering).sin_cos();
+        let per_distance = Vector3::new(cos, sin, steering.sin() / WHEELBASE);
+        let per_angle = Vector3::new(-sin, cos, steering.cos() / WHEELBASE) * distance;
+        Step {
+            displacement: per_distance * distance,
+            by_noise: SMatrix::from_columns(&[per_distance * COMMAND_INTERVAL, per_angle]),
+            variances: [
+                self.speed_deviation.powi(2),
+                self.steering_deviation.powi(2),
+            ],
         }
-        mean.z = wrap(mean.z);
-        Gaussian { mean, covariance }
-    }
-
-    fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        moved(pose, tangent)
-    }
-
-    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
-        between(from, to)
     }
 }
 
@@ -112,10 +94,10 @@ impl Trial<'_> {
         &self,
         each: impl FnMut(&[Vector3<f64>], &[f64], &Scan),
     ) -> Result<(), Box<dyn Error>> {
-        let motion = Car {
+        let motion = Planar(Car {
             speed_deviation: self.settings.speed_deviation,
             steering_deviation: self.settings.steering_deviation,
-        };
+        });
         let root = (self.block as f64).sqrt();
         let sensor = RangeBearing::new(
             self.settings.range_deviation / root,

@@ -1,26 +1,26 @@
-//! Several scans as one: fewer frames, and less of the noise that drawing a pose in each adds to the
+//! Several scans folded into one, for fewer frames and less of the noise that each drawn pose adds to the
 //! map.
 //!
 //! Odometry over a second is far better than a bearing with 8 degrees of noise. So each measurement is
 //! carried to the last pose of its block by odometry, and those of the same landmark are averaged
-//! there. A filter that takes the block as one frame draws one pose instead of K, and what a particle
-//! remembers of its own draws (its map) walks away K times slower.
+//! there. A filter that takes a block of K scans as one frame draws one pose instead of K, and the map
+//! of a particle, which remembers its draws, walks away K times slower.
 
 use super::simulation::{COMMAND_INTERVAL, COMMANDS_PER_SCAN, Scan, Settings, WHEELBASE};
 use estimation_base::wrap;
 use nalgebra::{Vector2, Vector3};
 use std::collections::BTreeMap;
 
-/// How many scans to fold, at most `longest`: as many as leave the heading that odometry loses over the block below
-/// half the bearing noise of the averages, sqrt(K) h < (1/2) sigma / sqrt(K).
+/// The number K of scans to fold, at most `longest`. It keeps the heading error of the odometry over the
+/// block below half the bearing noise of the averages: sqrt(K) h < (1/2) sigma / sqrt(K).
 pub(crate) fn block_size(settings: &Settings, longest: usize) -> usize {
     let per_command = settings.speed * COMMAND_INTERVAL * settings.steering_deviation / WHEELBASE;
     let per_scan = per_command * (COMMANDS_PER_SCAN as f64).sqrt();
     ((settings.bearing_deviation / (2.0 * per_scan)) as usize).clamp(1, longest)
 }
 
-/// Blocks of `size` scans, each as one scan at its last pose. Averages have R / `size` as covariance:
-/// a landmark that was not in every scan of its block (2 % of the measurements) is left out there.
+/// Folds blocks of `size` scans, each into one scan at its last pose. The averages have the covariance
+/// R / `size`, so a landmark that is missing in a scan of its block (2 % of the measurements) is left out.
 pub(crate) fn fold_scans(scans: &[Scan], size: usize) -> Vec<Scan> {
     scans.chunks_exact(size).filter_map(fold).collect()
 }

@@ -9,15 +9,15 @@ use std::path::Path;
 
 /// Subjects up to this number are robots, those above landmarks.
 const ROBOTS: u32 = 5;
-/// A frame at least this often, measured or not, seconds.
+/// Longest time between two frames, with measurements or without, seconds.
 const LONGEST_FRAME: f64 = 1.0;
 
-/// What came in at one time.
+/// The data of one time.
 #[derive(Clone, Debug)]
 pub(crate) struct Instant {
-    /// Since the last instant: (seconds, forward velocity m/s, turn rate rad/s).
+    /// Commands since the last instant: seconds, forward velocity in m/s, turn rate in rad/s.
     pub(crate) odometry: Vec<[f64; 3]>,
-    /// Landmark subject, range in metres, bearing in radians.
+    /// Landmark subjects with range in metres and bearing in radians.
     pub(crate) measurements: Vec<(u32, Vector2<f64>)>,
     /// The pose by the motion capture.
     pub(crate) truth: Vector3<f64>,
@@ -26,7 +26,7 @@ pub(crate) struct Instant {
 /// One robot's run.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
-    /// In time order.
+    /// The instants in the order of time.
     pub(crate) instants: Vec<Instant>,
     /// The pose at the first odometry, by the motion capture.
     pub(crate) start: Vector3<f64>,
@@ -39,7 +39,7 @@ pub(crate) struct Run {
 /// Measurements of other robots, and barcodes that nothing carries, are left out.
 ///
 /// # Errors
-/// A file that is missing or has a broken line, named.
+/// The name of a file that is missing, or of one with a broken line.
 pub(crate) fn load(folder: &Path, number: u32, seconds: f64) -> Result<Run, Box<dyn Error>> {
     let file = |what: &str| folder.join(format!("Robot{number}_{what}.dat"));
     let subjects: BTreeMap<u32, u32> = read_table::<2>(&folder.join("Barcodes.dat"))?
@@ -105,7 +105,7 @@ pub(crate) fn load(folder: &Path, number: u32, seconds: f64) -> Result<Run, Box<
     Ok(run)
 }
 
-/// One entry for as long as the command stays the same.
+/// Appends a command, or lengthens the last one if it stays the same.
 fn push_command(commands: &mut Vec<[f64; 3]>, next: [f64; 3]) {
     match commands.last_mut() {
         Some(last) if last[1] == next[1] && last[2] == next[2] => last[0] += next[0],
@@ -113,7 +113,7 @@ fn push_command(commands: &mut Vec<[f64; 3]>, next: [f64; 3]) {
     }
 }
 
-/// Between two entries of the motion capture, linearly.
+/// The pose at a time, linear between two entries of the motion capture.
 fn pose_at(truth: &[[f64; 4]], time: f64) -> Vector3<f64> {
     let after = truth
         .partition_point(|row| row[0] < time)

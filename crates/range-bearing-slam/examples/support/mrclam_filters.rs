@@ -1,17 +1,15 @@
 //! The filters on the MRCLAM robots.
 
-use super::motion::{between, moved, propagate};
+use super::motion::{Commanded, Planar, Step};
 use super::mrclam_data::Run;
 use super::run::{Estimate, Method, Robot, Trial};
-use estimation_base::wrap;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector3};
 use range_bearing_slam::{
-    AssociationRules, ExistenceRules, Frame, Gaussian, LandmarkParticle, MotionModel, RangeBearing,
-    Scan,
+    AssociationRules, ExistenceRules, Frame, LandmarkParticle, RangeBearing, Scan,
 };
 use std::error::Error;
 
-/// A filter that reads the barcodes, or one that finds out itself what it sees.
+/// A filter that reads the barcodes, or one that names its measurements itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Filter {
     /// Proposal and landmark filter.
@@ -21,7 +19,7 @@ pub(crate) struct Filter {
 }
 
 impl Filter {
-    /// All that are compared.
+    /// The filters that are compared.
     pub(crate) const ALL: [Self; 5] = [
         Self::named(Method::FastSlam2Published),
         Self::named(Method::FastSlam2),
@@ -55,7 +53,7 @@ impl Filter {
     }
 }
 
-/// Barcodes are read up to 8 m away, those within 6 m and 0.3 rad often.
+/// The sensor reads barcodes up to 8 m away, and reads those within 6 m and 0.3 rad often.
 const SENSOR: RangeBearing = RangeBearing {
     range_deviation: 0.25,
     bearing_deviation: 0.04,
@@ -78,9 +76,6 @@ const EXISTENCE: ExistenceRules = ExistenceRules {
     lowest: -1.0,
 };
 
-/// (seconds, forward velocity m/s, turn rate rad/s), one after the other.
-type Commands = Vec<[f64; 3]>;
-
 /// The robot's motion: exact arcs, with variances in proportion to the time that a command lasts.
 #[derive(Clone, Copy, Debug)]
 struct Create;
@@ -92,61 +87,48 @@ const TURN_SHARE: f64 = 0.2;
 const SPEED_FLOOR: f64 = 0.01;
 const TURN_FLOOR: f64 = 0.02;
 
-impl MotionModel<3> for Create {
-    type Control = Commands;
+impl Commanded for Create {
+    /// Seconds, forward velocity in m/s, turn rate in rad/s.
+    type Command = [f64; 3];
 
-    fn predict(&self, pose: &Vector3<f64>, commands: &Commands) -> Gaussian<3> {
-        let mut mean = *pose;
-        let mut covariance = Matrix3::identity() * 1e-10;
-        for &[seconds, velocity, turn_rate] in commands {
-            let half_turn = 0.5 * turn_rate * seconds;
-            // chord of the arc over its length; the series is exact to 1e-14 there
-            let chord = if half_turn.abs() < 1e-3 {
-                1.0 - half_turn * half_turn / 6.0
-            } else {
-                half_turn.sin() / half_turn
-            };
-            let distance = velocity * seconds * chord;
-            let (sin, cos) = (mean.z + half_turn).sin_cos();
-            let moving = if velocity == 0.0 && turn_rate == 0.0 {
-                0.0
-            } else {
-                seconds
-            };
-            let variances = [
-                ((SPEED_SHARE * velocity).powi(2) + SPEED_FLOOR.powi(2)) * moving,
-                ((TURN_SHARE * turn_rate).powi(2) + TURN_FLOOR.powi(2)) * moving,
-            ];
-            let mut f = Matrix3::identity();
-            f[(0, 2)] = -distance * sin;
-            f[(1, 2)] = distance * cos;
-            // of the distance and of the turn; half of the turn acts before the step
-            let g = SMatrix::<f64, 3, 2>::new(
+    const FLOOR: f64 = 1e-10;
+
+    fn step(&self, heading: f64, &[seconds, velocity, turn_rate]: &[f64; 3]) -> Step {
+        let half_turn = 0.5 * turn_rate * seconds;
+        // the chord of the arc over its length; the series is exact to 1e-14 there
+        let chord = if half_turn.abs() < 1e-3 {
+            1.0 - half_turn * half_turn / 6.0
+        } else {
+            half_turn.sin() / half_turn
+        };
+        let distance = velocity * seconds * chord;
+        let (sin, cos) = (heading + half_turn).sin_cos();
+        let moving = if velocity == 0.0 && turn_rate == 0.0 {
+            0.0
+        } else {
+            seconds
+        };
+        Step {
+            displacement: Vector3::new(distance * cos, distance * sin, turn_rate * seconds),
+            // by the distance and the turn; half of the turn acts before the step
+            by_noise: SMatrix::<f64, 3, 2>::new(
                 cos,
                 -0.5 * distance * sin,
                 sin,
                 0.5 * distance * cos,
                 0.0,
                 1.0,
-            );
-            covariance = propagate(&covariance, &f, &g, variances);
-            mean += Vector3::new(distance * cos, distance * sin, turn_rate * seconds);
+            ),
+            variances: [
+                ((SPEED_SHARE * velocity).powi(2) + SPEED_FLOOR.powi(2)) * moving,
+                ((TURN_SHARE * turn_rate).powi(2) + TURN_FLOOR.powi(2)) * moving,
+            ],
         }
-        mean.z = wrap(mean.z);
-        Gaussian { mean, covariance }
-    }
-
-    fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        moved(pose, tangent)
-    }
-
-    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
-        between(from, to)
     }
 }
 
-const ROBOT: Robot<Create> = Robot {
-    motion: Create,
+const ROBOT: Robot<Planar<Create>> = Robot {
+    motion: Planar(Create),
     sensor: SENSOR,
     rules: RULES,
     existence: EXISTENCE,

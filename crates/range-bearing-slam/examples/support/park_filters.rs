@@ -1,16 +1,14 @@
-//! The car of Victoria Park and the filters on it. Nobody knows the trunks by name.
+//! The car of Victoria Park and the filters on it. The trunks have no names.
 
-use super::motion::{between, moved, propagate};
+use super::motion::{Commanded, Planar, Step};
 use super::run::{Estimate, Method, Robot, Trial};
 use super::victoria_data::Run;
-use estimation_base::wrap;
-use nalgebra::{Matrix3, SMatrix, Vector3};
-use range_bearing_slam::{
-    AssociationRules, ExistenceRules, Gaussian, MotionModel, RangeBearing, Scan,
-};
+use nalgebra::{SMatrix, Vector3};
+use range_bearing_slam::{AssociationRules, ExistenceRules, RangeBearing, Scan};
 use std::error::Error;
 
-/// Half a metre is a trunk seen from its near side; 1.5 degrees three steps of the scanner.
+/// Half a metre is the offset of a trunk seen from its near side; 1.5 degrees are three steps of the
+/// scanner.
 const SENSOR: RangeBearing = RangeBearing {
     range_deviation: 0.5,
     bearing_deviation: 0.026,
@@ -43,9 +41,8 @@ const WHEELBASE: f64 = 2.83;
 const WHEEL_OFFSET: f64 = 0.76;
 const SCANNER: [f64; 2] = [3.78, 0.5];
 
-type Commands = Vec<[f64; 3]>;
-
-/// The model of the data's authors: speed of the rear left wheel and steering, pose at the scanner.
+/// The model of the data's authors: the speed is that of the rear left wheel, the pose that of the
+/// scanner.
 #[derive(Clone, Copy, Debug)]
 struct Car;
 
@@ -65,53 +62,39 @@ impl Car {
     }
 }
 
-impl MotionModel<3> for Car {
-    type Control = Commands;
+impl Commanded for Car {
+    /// Seconds, speed of the rear left wheel in m/s, steering angle in radians.
+    type Command = [f64; 3];
 
-    fn predict(&self, pose: &Vector3<f64>, commands: &Commands) -> Gaussian<3> {
+    const FLOOR: f64 = 1e-8;
+
+    fn step(&self, heading: f64, &[seconds, speed, steering]: &[f64; 3]) -> Step {
         /// Radians; the central difference is then good to 1e-10.
-        const STEP: f64 = 1e-5;
-        let mut mean = *pose;
-        let mut covariance = Matrix3::identity() * 1e-8;
-        for &[seconds, speed, steering] in commands {
-            let step = Self::rate(mean.z, speed, steering) * seconds;
-            let mut f = Matrix3::identity();
-            f[(0, 2)] = -step.y;
-            f[(1, 2)] = step.x;
-            let ahead = Self::rate(mean.z, speed, steering + STEP);
-            let behind = Self::rate(mean.z, speed, steering - STEP);
-            let g = SMatrix::<f64, 3, 2>::from_columns(&[
-                Self::rate(mean.z, 1.0, steering) * seconds,
-                (ahead - behind) * (seconds / (2.0 * STEP)),
-            ]);
-            // an error lasts a sample: part of one that a scan cut in two has the same share in both
-            let moving = if speed == 0.0 {
-                0.0
-            } else {
-                SAMPLE / seconds.max(SAMPLE / 2.0)
-            };
-            let variances = [
+        const DIFFERENCE: f64 = 1e-5;
+        let ahead = Self::rate(heading, speed, steering + DIFFERENCE);
+        let behind = Self::rate(heading, speed, steering - DIFFERENCE);
+        // an error lasts a sample: both parts of a sample that a scan cuts in two have the same share
+        let moving = if speed == 0.0 {
+            0.0
+        } else {
+            SAMPLE / seconds.max(SAMPLE / 2.0)
+        };
+        Step {
+            displacement: Self::rate(heading, speed, steering) * seconds,
+            by_noise: SMatrix::from_columns(&[
+                Self::rate(heading, 1.0, steering) * seconds,
+                (ahead - behind) * (seconds / (2.0 * DIFFERENCE)),
+            ]),
+            variances: [
                 SPEED_DEVIATION.powi(2) * moving,
                 STEERING_DEVIATION.powi(2) * moving,
-            ];
-            covariance = propagate(&covariance, &f, &g, variances);
-            mean += step;
+            ],
         }
-        mean.z = wrap(mean.z);
-        Gaussian { mean, covariance }
-    }
-
-    fn retract(&self, pose: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
-        moved(pose, tangent)
-    }
-
-    fn local(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
-        between(from, to)
     }
 }
 
-const ROBOT: Robot<Car> = Robot {
-    motion: Car,
+const ROBOT: Robot<Planar<Car>> = Robot {
+    motion: Planar(Car),
     sensor: SENSOR,
     rules: RULES,
     existence: EXISTENCE,

@@ -1,4 +1,4 @@
-//! `FastSLAM` 2.0 with the weights it was published with (Montemerlo, Thrun, Koller, Wegbreit 2003).
+//! The proposal of `FastSLAM` 2.0 with its published weights (Montemerlo, Thrun, Koller, Wegbreit 2003).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::RngExt;
@@ -11,8 +11,8 @@ use range_bearing_slam::{
 use rbpf_core::Proposal;
 use std::f64::consts::TAU;
 
-/// The landmarks of a frame update the predicted pose one after the other, each linearised at what the ones
-/// before left; the pose is drawn, and the weight is the product of the N(z; z^, S) met on the way.
+/// The landmarks of a frame update the predicted pose one after the other, each linearised at the mean
+/// that the ones before left; the pose is drawn, and the weight is the product of the N(z; z^, S) met on the way.
 /// [`range_bearing_slam::ExtendedProposal`] draws the same poses and weighs them exactly.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PublishedProposal<A> {

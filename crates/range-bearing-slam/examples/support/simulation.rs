@@ -1,8 +1,9 @@
 //! A car with a range-bearing sensor drives a loop of waypoints among point landmarks: the
 //! simulations of Kim, Sakthivel and Chung, "Unscented FastSLAM", IEEE T-RO 24(4), 2008, section V.
 //!
-//! The car follows its commands exactly; what the filter is told of them is noisy, every 25 ms
-//! anew. Measurements carry the ids of their landmarks. The first pose is the frame of everything.
+//! The car follows its commands exactly; the filter is told the commands with noise, drawn anew every
+//! 25 ms. Measurements carry the ids of their landmarks. All poses and landmarks are in the frame of the
+//! first pose.
 
 use estimation_base::wrap;
 use nalgebra::{Vector2, Vector3};
@@ -12,17 +13,17 @@ use rand_distr::StandardNormal;
 use rbpf_core::{Purpose, Streams};
 use std::f64::consts::FRAC_PI_2;
 
-/// Between two commands, seconds (40 Hz).
+/// Time between two commands, seconds (40 Hz).
 pub(crate) const COMMAND_INTERVAL: f64 = 0.025;
-/// Commands between two scans (5 Hz).
+/// Number of commands between two scans (5 Hz).
 pub(crate) const COMMANDS_PER_SCAN: usize = 8;
-/// Metres from the front to the rear axle.
+/// Distance from the front to the rear axle, metres.
 pub(crate) const WHEELBASE: f64 = 0.26;
-/// A waypoint is reached within this many metres.
+/// Distance at which a waypoint is reached, metres.
 const WAYPOINT_RADIUS: f64 = 1.0;
-/// Steering stops here, radians.
+/// Largest steering angle, radians.
 const MAX_STEERING: f64 = std::f64::consts::PI / 6.0;
-/// Steering turns no faster, radians per second.
+/// Largest rate of the steering angle, radians per second.
 const STEERING_RATE: f64 = std::f64::consts::PI / 9.0;
 
 /// Corners of the paper's first path, 100 x 20 m. Its first leg lies on the x axis.
@@ -33,7 +34,7 @@ pub(crate) const RECTANGLE: [[f64; 2]; 4] = [[100.0, 0.0], [100.0, 20.0], [0.0, 
 pub(crate) struct World {
     /// Corners of the loop; the car starts at the last one, facing the first.
     pub(crate) waypoints: Vec<Vector2<f64>>,
-    /// The index is the id.
+    /// Positions of the landmarks; the index is the id.
     pub(crate) landmarks: Vec<Vector2<f64>>,
 }
 
@@ -68,7 +69,7 @@ impl World {
 /// Speed of the car and standard deviations of its measurements.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
-    /// Metres per second.
+    /// Speed, metres per second.
     pub(crate) speed: f64,
     /// Standard deviation of the speed told to the filter, metres per second.
     pub(crate) speed_deviation: f64,
@@ -80,7 +81,7 @@ pub(crate) struct Settings {
     pub(crate) range_deviation: f64,
     /// Standard deviation of the bearing, radians.
     pub(crate) bearing_deviation: f64,
-    /// Times round the waypoints.
+    /// Number of laps round the waypoints.
     pub(crate) laps: usize,
 }
 
@@ -103,15 +104,15 @@ impl Settings {
 /// The commands up to a scan, and the scan.
 #[derive(Clone, Debug)]
 pub(crate) struct Scan {
-    /// x, y in metres, heading in radians.
+    /// The true pose: x and y in metres, heading in radians.
     pub(crate) truth: Vector3<f64>,
     /// Speed and steering angle as told to the filter, one pair every [`COMMAND_INTERVAL`].
     pub(crate) commands: Vec<[f64; 2]>,
-    /// Landmark id, range and bearing.
+    /// Landmark ids with range and bearing.
     pub(crate) measurements: Vec<(u32, Vector2<f64>)>,
 }
 
-/// The whole run. Poses are relative to the first one, which is (0, 0, 0).
+/// Landmarks and scans of a whole run, relative to the first pose, which is (0, 0, 0).
 pub(crate) fn simulate(
     world: &World,
     settings: &Settings,

@@ -1,12 +1,12 @@
-//! Text files of numbers, plain or gzipped, and where the optional data lie.
+//! Text files of numbers, plain or gzipped, and the folder of the optional data.
 
 use std::error::Error;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// The folder of a data set under `MONO_SLAM_DATA`, or under `../shared/data` beside the workspace;
-/// `None`, with a word on the console, where it is not.
+/// The folder of a data set under `MONO_SLAM_DATA`, or under `../shared/data` beside the workspace. If it
+/// does not exist, the answer is `None`, with a sentence on the console.
 #[expect(clippy::print_stdout, reason = "a run without its data says so")]
 pub(crate) fn data_folder(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("MONO_SLAM_DATA").map_or_else(

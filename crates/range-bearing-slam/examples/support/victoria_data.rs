@@ -6,33 +6,33 @@ use nalgebra::Vector2;
 use std::error::Error;
 use std::path::Path;
 
-/// Farther trunks are left out, metres, as the authors of the data do.
+/// Largest range of a trunk, metres; the authors of the data leave farther ones out too.
 const FARTHEST: f64 = 30.0;
 
-/// One scan and what came before it.
+/// One scan, and the odometry before it.
 #[derive(Clone, Debug)]
 pub(crate) struct Scan {
     /// Seconds since the first odometry.
     pub(crate) time: f64,
-    /// Since the last scan: (seconds, speed of the rear left wheel in m/s, steering in radians).
+    /// Odometry since the last scan: seconds, speed of the rear left wheel in m/s, steering in radians.
     pub(crate) odometry: Vec<[f64; 3]>,
-    /// Range and bearing, of nobody knows which trunk.
+    /// Range and bearing of trunks, without names.
     pub(crate) trunks: Vec<Vector2<f64>>,
 }
 
-/// The run.
+/// The scans and satellite fixes of the run.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
-    /// In time order.
+    /// The scans in the order of time.
     pub(crate) scans: Vec<Scan>,
-    /// Seconds since the first odometry, and the position in a frame of its own.
+    /// Satellite fixes: seconds since the first odometry, and the position in a frame of its own.
     pub(crate) fixes: Vec<(f64, Vector2<f64>)>,
 }
 
 /// Reads the data in `folder`, up to `seconds` after the first odometry.
 ///
 /// # Errors
-/// A file that is missing or has a broken line, named.
+/// The name of a file that is missing, or of one with a broken line.
 pub(crate) fn load(folder: &Path, seconds: f64) -> Result<Run, Box<dyn Error>> {
     let odometry = read_table::<3>(&folder.join("odometry.csv"))?;
     let observations = read_table::<3>(&folder.join("observations.csv"))?;
@@ -82,7 +82,8 @@ pub(crate) fn load(folder: &Path, seconds: f64) -> Result<Run, Box<dyn Error>> {
     Ok(Run { scans, fixes })
 }
 
-/// A path with one position a scan, between scans linearly, at the fixes it spans; and those fixes.
+/// The positions of a path at the satellite fixes that it spans, and those fixes. The path has one
+/// position a scan and is linear between scans.
 pub(crate) fn at_fixes(run: &Run, path: &[Vector2<f64>]) -> (Vec<Vector2<f64>>, Vec<Vector2<f64>>) {
     run.fixes
         .iter()

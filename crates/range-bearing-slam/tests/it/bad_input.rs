@@ -1,4 +1,5 @@
-//! Bad input through the public API: an error that says which and how much, and a filter left as it was.
+//! Bad input through the public interface: the error names the entry and its value, and the filter stays
+//! as it was.
 
 use crate::fixtures::{gaussian, landmark, proposal_rng};
 use estimation_base::CholeskyError;
@@ -29,6 +30,16 @@ const MOTION: Unicycle = Unicycle {
     },
     floor: [1e-3; 3],
     propagation: Propagation::Jacobians,
+};
+
+const PROPOSAL: ExtendedProposal<Unicycle, RangeBearing> = ExtendedProposal {
+    motion: MOTION,
+    sensor: SENSOR,
+    linearisation: Linearisation::Sequential,
+};
+const MAPPING: LandmarkMapping<RangeBearing, ExtendedLandmarks> = LandmarkMapping {
+    sensor: SENSOR,
+    filter: ExtendedLandmarks,
 };
 
 fn particle(covariance: Matrix2<f64>) -> Particle {
@@ -64,25 +75,17 @@ fn errors(particle: &Particle, frame: &Observed) -> Vec<RangeBearingError> {
         motion: MOTION,
         sensor: SENSOR,
     });
-    check(&ExtendedProposal {
-        motion: MOTION,
-        sensor: SENSOR,
-        linearisation: Linearisation::Sequential,
-    });
+    check(&PROPOSAL);
     check(&UnscentedProposal {
         motion: MOTION,
         sensor: SENSOR,
         iterations: 2,
     });
-    let extended = LandmarkMapping {
-        sensor: SENSOR,
-        filter: ExtendedLandmarks,
-    };
     let unscented = LandmarkMapping {
         sensor: SENSOR,
         filter: UnscentedLandmarks,
     };
-    errors.extend(extended.update_map(&mut particle.clone(), frame).err());
+    errors.extend(MAPPING.update_map(&mut particle.clone(), frame).err());
     errors.extend(unscented.update_map(&mut particle.clone(), frame).err());
     errors
 }
@@ -91,7 +94,7 @@ fn errors(particle: &Particle, frame: &Observed) -> Vec<RangeBearingError> {
 fn a_good_frame_has_no_error_with_any_map() {
     let seen = frame(&[(4, 3.0, 0.3), (9, 2.0, -0.5)]);
     assert_eq!(errors(&particle(Matrix2::identity()), &seen), []);
-    // a landmark that is a point, and no landmark at all
+    // with a landmark that is known exactly, and with no landmark at all
     assert_eq!(errors(&particle(Matrix2::zeros()), &seen), []);
     assert_eq!(errors(&Particle::new(Vector3::zeros()), &seen), []);
     assert_eq!(errors(&Particle::new(Vector3::zeros()), &frame(&[])), []);
@@ -167,7 +170,7 @@ fn landmark_covariances_that_are_none_are_refused() {
     assert_eq!(all, vec![expected; 5]);
 }
 
-/// A sensor and a robot whose covariances are what a test wants.
+/// A sensor and a robot with arbitrary covariances.
 #[derive(Clone, Copy)]
 struct Broken {
     noise: Matrix2<f64>,
@@ -262,7 +265,7 @@ fn noise_and_motion_covariances_that_are_none_are_refused() {
     }
 }
 
-/// A sensor for which nothing is in view: all weights zero.
+/// A sensor that sees nothing, so all weights are zero.
 #[derive(Clone, Copy)]
 struct Blind;
 
@@ -285,16 +288,12 @@ fn zero_particles_and_zero_weights_leave_the_filter_as_it_was() {
     let set = ParticleSet::new(vec![particle(Matrix2::identity()); 7]).unwrap();
     let mut filter = ParticleFilter::new(set, Streams::new(1), FilterConfig::default()).unwrap();
     let before = filter.set().clone();
-    let mapping = LandmarkMapping {
-        sensor: SENSOR,
-        filter: ExtendedLandmarks,
-    };
     let blind = MotionProposal {
         motion: MOTION,
         sensor: Blind,
     };
     let seen = frame(&[(4, 3.0, 0.3)]);
-    let result = filter.step(0, &seen, &blind, &NoRejuvenation, &mapping);
+    let result = filter.step(0, &seen, &blind, &NoRejuvenation, &MAPPING);
     let expected = RbpfError::DegenerateWeights {
         particles: 7,
         zero: 7,
@@ -305,16 +304,11 @@ fn zero_particles_and_zero_weights_leave_the_filter_as_it_was() {
     assert_eq!(filter.set(), &before);
 
     // an error in the map update of one particle undoes poses, weights and the maps of the others
-    let good = ExtendedProposal {
-        motion: MOTION,
-        sensor: SENSOR,
-        linearisation: Linearisation::Sequential,
-    };
     let failing = LandmarkMapping {
         sensor: SENSOR,
         filter: Fails,
     };
-    let result = filter.step(0, &seen, &good, &NoRejuvenation, &failing);
+    let result = filter.step(0, &seen, &PROPOSAL, &NoRejuvenation, &failing);
     assert!(matches!(
         result,
         Err(StepError::MapUpdate { particle: 0, .. })
@@ -322,13 +316,13 @@ fn zero_particles_and_zero_weights_leave_the_filter_as_it_was() {
     assert_eq!(filter.set(), &before);
     assert!(
         filter
-            .step(0, &seen, &good, &NoRejuvenation, &mapping)
+            .step(0, &seen, &PROPOSAL, &NoRejuvenation, &MAPPING)
             .is_ok()
     );
     assert_ne!(filter.set(), &before);
 }
 
-/// Maps, and then fails for a particle that holds landmark 1000.
+/// A map update that maps, and then fails for a particle that holds landmark 1000.
 struct MapsThenFails;
 
 impl MapUpdate<Particle, Observed> for MapsThenFails {
@@ -339,11 +333,7 @@ impl MapUpdate<Particle, Observed> for MapsThenFails {
         particle: &mut Particle,
         frame: &Observed,
     ) -> Result<(), RangeBearingError> {
-        let mapping = LandmarkMapping {
-            sensor: SENSOR,
-            filter: ExtendedLandmarks,
-        };
-        mapping.update_map(particle, frame)?;
+        MAPPING.update_map(particle, frame)?;
         if particle.map.contains(1000) {
             return Err(RangeBearingError::NotFinite { what: "landmark" });
         }
@@ -351,8 +341,8 @@ impl MapUpdate<Particle, Observed> for MapsThenFails {
     }
 }
 
-/// The maps of the particles before the failing one have changed by then, in the copy: the originals are
-/// equal, and the same memory.
+/// The maps of the particles before the failing one have changed by then, but in the copy: the originals
+/// are equal to what they were, and in the same memory.
 #[test]
 fn an_error_in_the_last_map_leaves_the_maps_before_it() {
     let mut particles = vec![particle(Matrix2::identity()); 7];
@@ -365,14 +355,9 @@ fn an_error_in_the_last_map_leaves_the_maps_before_it() {
     let set = ParticleSet::new(particles).unwrap();
     let mut filter = ParticleFilter::new(set, Streams::new(1), config).unwrap();
     let (before, genealogy) = (filter.set().clone(), filter.genealogy().clone());
-    let proposal = ExtendedProposal {
-        motion: MOTION,
-        sensor: SENSOR,
-        linearisation: Linearisation::Sequential,
-    };
     // one landmark to update, one to start
     let seen = frame(&[(4, 3.0, 0.3), (9, 2.0, -0.5)]);
-    let result = filter.step(0, &seen, &proposal, &NoRejuvenation, &MapsThenFails);
+    let result = filter.step(0, &seen, &PROPOSAL, &NoRejuvenation, &MapsThenFails);
     assert!(matches!(
         result,
         Err(StepError::MapUpdate { particle: 6, .. })
@@ -383,7 +368,7 @@ fn an_error_in_the_last_map_leaves_the_maps_before_it() {
     }
     // without the failing particle the same frame changes every map
     let _ = filter.particles_mut()[6].map.remove(1000);
-    let result = filter.step(0, &seen, &proposal, &NoRejuvenation, &MapsThenFails);
+    let result = filter.step(0, &seen, &PROPOSAL, &NoRejuvenation, &MapsThenFails);
     assert!(result.is_ok());
     for (now, then) in filter.set().particles().iter().zip(before.particles()) {
         assert!(now.map.get(4) != then.map.get(4) && now.map.contains(9));

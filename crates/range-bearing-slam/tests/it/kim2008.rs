@@ -1,4 +1,5 @@
-//! The simulations of Kim, Sakthivel and Chung (2008), short: `examples/kim2008.rs` has the tables.
+//! The simulations of Kim, Sakthivel and Chung (2008) in a short form; `examples/kim2008.rs` has the
+//! tables.
 
 use crate::filters::{Filter, Trial};
 use crate::fold::{block_size, fold_scans};
@@ -10,7 +11,7 @@ use range_bearing_slam::{ObservationModel, RangeBearing};
 const LOOP: [[f64; 2]; 4] = [[25.0, 0.0], [25.0, 20.0], [0.0, 20.0], [0.0, 0.0]];
 const BLOCK: usize = 5;
 
-/// 0.2 m and 8 degrees; the data depend on the seed alone.
+/// The scores of runs with 0.2 m and 8 degrees of noise. The data depend on the seed alone.
 fn scores(
     path: &[[f64; 2]],
     filter: Filter,
@@ -51,9 +52,10 @@ fn val_kim2008_ten_particles_are_not_worse_than_fastslam2_with_fifty() {
     }
 }
 
-/// Three particles on the long rectangle: who draws from the odometry alone is behind, who folds his
-/// scans ahead, by more than 1.5 and 2 standard errors of 30 runs (the 200 runs of the example: 1.13, 0.71 and
-/// 0.31 m^2, 4 and 6 of theirs). The other combinations lie with FastSLAM 2.0.
+/// Three particles on the long rectangle: the filter that draws from the odometry alone is behind by more
+/// than 1.5 standard errors of 30 runs, and the one that folds its scans is ahead by more than 2. (In the
+/// 200 runs of the example they have 1.13, 0.71 and 0.31 m^2, which are 4 and 6 of its standard errors.)
+/// The other combinations do not differ from FastSLAM 2.0.
 #[test]
 fn val_kim2008_order_of_the_filters_with_three_particles() {
     let aligned = |filter, block, runs| {
@@ -124,7 +126,8 @@ fn val_kim2008_nees_starts_in_its_band() {
     );
 }
 
-/// 0.6 m/s and 3 degrees at 40 Hz on 0.26 m: 0.173 degrees a command, 0.490 a scan; half of sigma over that.
+/// With 0.6 m/s and 3 degrees at 40 Hz on a wheelbase of 0.26 m, the heading loses 0.173 degrees a command
+/// and 0.490 a scan; the block is half of sigma over that.
 #[test]
 fn blocks_are_as_long_as_odometry_is_better_than_bearings() {
     for (bearing, expected) in [(0.5, 1), (1.0, 1), (2.0, 2), (3.0, 3), (4.0, 4), (8.0, 5)] {

@@ -1,4 +1,5 @@
-//! The landmark filters: equal to the Kalman update where the sensor is linear, close to what is true where not.
+//! The landmark filters equal the Kalman update where the sensor is linear, and are close to the truth
+//! where it is not.
 
 use crate::fixtures::{Offset, SHEAR, gaussian};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};

@@ -93,7 +93,7 @@ fn the_linear_posterior_stays() {
     }
 }
 
-/// The likelihood alone as target, which a motion model without information stands for.
+/// A motion model without information, which makes the likelihood alone the target.
 #[derive(Clone, Copy)]
 struct AnyMotion;
 
@@ -159,18 +159,13 @@ const VEHICLE: Unicycle = Unicycle {
     propagation: Propagation::Jacobians,
 };
 
-const DRIVING: MovePoses<Unicycle, RangeBearing> = MovePoses {
-    motion: VEHICLE,
-    sensor: SENSOR,
-    params: MoveParams {
-        steps: 4,
-        crossover_share: 0.5,
-        mutation_scale: 1.0,
-        differential_scale: 1.0,
-        jitter_scale: 0.05,
-        max_evaluations: usize::MAX,
-    },
-};
+fn driving() -> MovePoses<Unicycle, RangeBearing> {
+    MovePoses {
+        motion: VEHICLE,
+        sensor: SENSOR,
+        params: MoveParams::default(),
+    }
+}
 
 const START: Vector3<f64> = Vector3::new(0.0, 0.0, 3.1);
 
@@ -224,7 +219,7 @@ where
 #[test]
 fn unique_poses_rise_after_resampling() {
     let (copies, _) = driven(&NoRejuvenation);
-    let (spread, particles) = driven(&DRIVING);
+    let (spread, particles) = driven(&driving());
     // with acceptance 0.4 and four steps seven slots of eight move
     assert!(
         copies < 80 && spread > 2 * copies,
@@ -240,7 +235,7 @@ fn unique_poses_rise_after_resampling() {
 fn moves_do_not_depend_on_the_number_of_threads() {
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.unwrap().install(|| driven(&DRIVING))
+        pool.unwrap().install(|| driven(&driving()))
     };
     let alone = run(1);
     for threads in [2, 3, 8] {

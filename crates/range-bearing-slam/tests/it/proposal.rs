@@ -218,7 +218,7 @@ fn what_cannot_be_predicted_has_weight_zero_and_nan_is_an_error() {
     assert_eq!(moved, before);
 }
 
-/// One dimension, one landmark, by hand: prior N(0, 1), landmark N(3, 0.5), R = 0.25, z = 2.
+/// A robot on a line, for one landmark by hand: prior N(0, 1), landmark N(3, 0.5), R = 0.25, z = 2.
 #[derive(Clone, Copy)]
 struct Still;
 

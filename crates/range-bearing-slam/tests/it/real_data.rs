@@ -1,4 +1,4 @@
-//! Recordings with their reference, short. Without the data these tests say so and pass.
+//! The first minutes of recordings with a reference. Without the data these tests say so and pass.
 
 use crate::align::{fit_rigid, mean_squared, moved};
 use crate::run::{Estimate, Method};
@@ -14,8 +14,8 @@ fn path(estimate: &Estimate) -> Vec<Vector2<f64>> {
     estimate.poses.iter().map(|pose| pose.xy()).collect()
 }
 
-/// Robot 3, ten minutes. Dead reckoning is metres off; the filters measured 8 to 20 % of it over ten
-/// seeds. With the bearings' sign reversed the map contradicts itself at every turn.
+/// Ten minutes of robot 3. Dead reckoning is metres off; over ten seeds the filters were off by 8 to 20 %
+/// of that. With the sign of the bearings reversed the map contradicts itself at every turn.
 #[test]
 fn val_mrclam_robot_3_stays_near_the_motion_capture() {
     let Some(data) = tables::data_folder("mrclam6") else {
