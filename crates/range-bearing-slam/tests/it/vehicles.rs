@@ -8,6 +8,7 @@ use range_bearing_slam::{
     Bicycle, Command, Deviation, Gaussian, MotionModel, Propagation, Unicycle,
 };
 use rbpf_core::{Purpose, Streams};
+use std::f64::consts::TAU;
 
 const FLOOR: [f64; 3] = [2e-3, 1e-3, 1e-3];
 const DRAWS: u32 = 200_000;
@@ -202,4 +203,34 @@ fn sigma_points_have_the_mean_that_jacobians_miss() {
         off(&sigma)
     );
     assert!(off(&sigma) + 2.0 * error < off(&jacobians));
+}
+
+/// Sums and differences of numbers up to ten: some 1e-15 each.
+#[test]
+fn tangents_lead_from_one_pose_to_the_other_across_the_cut() {
+    let still = deviation(0.0, 0.0);
+    let unicycle = Unicycle {
+        speed: still,
+        turn_rate: still,
+        floor: FLOOR,
+        propagation: Propagation::Jacobians,
+    };
+    let bicycle = Bicycle {
+        wheelbase: WHEELBASE,
+        speed: still,
+        steering: still,
+        floor: FLOOR,
+        propagation: Propagation::Jacobians,
+    };
+    let from = Vector3::new(1.0, -2.0, 3.1);
+    let to = Vector3::new(4.0, 5.0, -3.1);
+    for tangent in [unicycle.local(&from, &to), bicycle.local(&from, &to)] {
+        assert!((tangent.z - (TAU - 6.2)).abs() < 1e-14, "{tangent}");
+        for reached in [
+            unicycle.retract(&from, &tangent),
+            bicycle.retract(&from, &tangent),
+        ] {
+            assert!((reached - to).amax() < 1e-14, "{reached}");
+        }
+    }
 }
