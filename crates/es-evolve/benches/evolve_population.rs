@@ -3,13 +3,14 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use es_evolve::{
-    Euclidean, MoveParams, OptimiseParams, PaperParams, StepAdaptation, StepFactors, evolve_paper,
-    optimise, resample_move,
+    MoveParams, OptimiseParams, PaperParams, StepAdaptation, StepFactors, evolve_paper, optimise,
+    resample_move,
 };
+use nalgebra::{Matrix3, SVector, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-const FACTOR: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.2, 1.0, 0.0], [0.0, 0.1, 1.0]];
+const FACTOR: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.2, 1.0, 0.0, 0.0, 0.1, 1.0);
 
 fn stream(step: usize, slot: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -18,10 +19,12 @@ fn stream(step: usize, slot: usize) -> ChaCha8Rng {
 }
 
 fn evolve_population(criterion: &mut Criterion) {
-    let start: Vec<[f64; 3]> = (0..100).map(|i| [0.01 * f64::from(i), 0.0, 0.0]).collect();
+    let start: Vec<Vector3<f64>> = (0..100)
+        .map(|i| Vector3::x() * 0.01 * f64::from(i))
+        .collect();
     let mut group = criterion.benchmark_group("evolve_population");
     for terms in [1_u32, 100] {
-        let fitness = move |_: usize, x: &[f64; 3]| -> f64 {
+        let fitness = move |_: usize, x: &Vector3<f64>| -> f64 {
             (0..terms)
                 .map(|k| -0.5 * (x[0] - f64::from(k) * x[1].cos() + x[2]).powi(2))
                 .sum()
@@ -33,14 +36,7 @@ fn evolve_population(criterion: &mut Criterion) {
                 let mut population = start.clone();
                 let factors = StepFactors::Common(&FACTOR);
                 let params = MoveParams::default();
-                resample_move(
-                    &Euclidean,
-                    &mut population,
-                    &fitness,
-                    factors,
-                    &params,
-                    &stream,
-                )
+                resample_move(&mut population, &fitness, factors, &params, &stream)
             });
         });
         group.bench_function(BenchmarkId::new("paper", terms), |bencher| {
@@ -48,14 +44,7 @@ fn evolve_population(criterion: &mut Criterion) {
                 let mut population = start.clone();
                 let factors = StepFactors::Common(&FACTOR);
                 let params = PaperParams::default();
-                evolve_paper(
-                    &Euclidean,
-                    &mut population,
-                    &fitness,
-                    factors,
-                    &params,
-                    &stream,
-                )
+                evolve_paper(&mut population, &fitness, factors, &params, &stream)
             });
         });
     }
@@ -65,7 +54,7 @@ fn evolve_population(criterion: &mut Criterion) {
 /// Ten generations of 4 D offspring.
 fn sphere<const D: usize>(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group(format!("optimise_sphere_{D}"));
-    let fitness = |_: usize, x: &[f64; D]| -x.iter().map(|v| v * v).sum::<f64>();
+    let fitness = |_: usize, x: &SVector<f64, D>| -x.norm_squared();
     for adaptation in [
         StepAdaptation::Isotropic,
         StepAdaptation::PerCoordinate,
@@ -78,7 +67,15 @@ fn sphere<const D: usize>(criterion: &mut Criterion) {
         };
         group.throughput(Throughput::Elements(params.max_evaluations as u64));
         group.bench_function(format!("{adaptation:?}"), |bencher| {
-            bencher.iter(|| optimise(&Euclidean, &[1.0; D], &[0.3; D], &fitness, &params, &stream));
+            bencher.iter(|| {
+                optimise(
+                    &SVector::repeat(1.0),
+                    &SVector::repeat(0.3),
+                    &fitness,
+                    &params,
+                    &stream,
+                )
+            });
         });
     }
     group.finish();

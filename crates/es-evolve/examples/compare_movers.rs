@@ -2,24 +2,11 @@
 //!
 //! Prior N(0, 1), one observation z = 1 with unit noise: the posterior is N(0.5, 0.5).
 
-use es_evolve::{
-    EvolveError, MoveParams, PaperParams, Space, StepFactors, evolve_paper, resample_move,
-};
+use es_evolve::{EvolveError, MoveParams, PaperParams, StepFactors, evolve_paper, resample_move};
+use nalgebra::Matrix1;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-
-struct Line;
-
-impl Space<1> for Line {
-    type Genome = f64;
-    fn retract(&self, at: &f64, step: &[f64; 1]) -> f64 {
-        at + step[0]
-    }
-    fn local(&self, from: &f64, to: &f64) -> [f64; 1] {
-        [to - from]
-    }
-}
 
 fn stream(step: usize, slot: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -41,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let samples: Vec<f64> = posterior.sample_iter(&mut rng).take(20_000).collect();
     let likelihood = |_: usize, x: &f64| -0.5 * (1.0 - x).powi(2);
     let target = |_: usize, x: &f64| -0.5 * (1.0 - x).powi(2) - 0.5 * x.powi(2);
-    let factor = [[0.3]];
+    let factor = Matrix1::new(0.3);
     let factors = StepFactors::Common(&factor);
 
     show("posterior samples", &samples);
@@ -54,32 +41,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ..PaperParams::default()
         };
         let mut population = samples.clone();
-        evolve_paper(
-            &Line,
-            &mut population,
-            &likelihood,
-            factors,
-            &params,
-            &stream,
-        )?;
+        evolve_paper(&mut population, &likelihood, factors, &params, &stream)?;
         Ok(population)
     };
     show("paper, crossover only", &paper(1.0, 0.0)?);
     show("paper, mutation only", &paper(0.0, 1.0)?);
     let mut population = samples.clone();
     let params = PaperParams::default();
-    evolve_paper(
-        &Line,
-        &mut population,
-        &likelihood,
-        factors,
-        &params,
-        &stream,
-    )?;
+    evolve_paper(&mut population, &likelihood, factors, &params, &stream)?;
     show("paper, as published", &population);
     let mut population = samples.clone();
     let params = MoveParams::default();
-    resample_move(&Line, &mut population, &target, factors, &params, &stream)?;
+    resample_move(&mut population, &target, factors, &params, &stream)?;
     show("resample-move", &population);
     Ok(())
 }

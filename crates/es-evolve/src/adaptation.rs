@@ -12,10 +12,12 @@
 //! (Beyer and Sendhoff 2008, CMSA-ES). All steps are in units of the initial step sizes. The trace of C is
 //! kept at D, its scale handed to sigma, which changes no step and keeps both in range.
 
+use estimation_base::{CholeskyError, cholesky_in_place};
+use nalgebra::{DMatrix, SVector};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::step::standard_normal;
+use crate::step::{lower_times, standard_normal};
 
 /// Which shape of mutation adapts itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,9 +35,9 @@ pub enum StepAdaptation {
 #[derive(Debug, Clone)]
 pub(crate) struct Mutation<const D: usize> {
     /// Step in units of the initial sizes.
-    pub(crate) step: [f64; D],
+    pub(crate) step: SVector<f64, D>,
     /// Its own sizes.
-    sizes: [f64; D],
+    sizes: SVector<f64, D>,
 }
 
 /// The distribution of the next generation's steps.
@@ -43,26 +45,24 @@ pub(crate) struct Mutation<const D: usize> {
 pub(crate) struct Strategy<const D: usize> {
     kind: StepAdaptation,
     /// Step sizes; all equal unless per coordinate.
-    sizes: [f64; D],
-    /// C and its lower factor, row by row; empty unless `Covariance`.
-    covariance: Vec<[f64; D]>,
-    factor: Vec<[f64; D]>,
+    sizes: SVector<f64, D>,
+    /// The lower triangle of C and its factor; empty unless `Covariance`, and on the heap, as D may be large.
+    covariance: DMatrix<f64>,
+    factor: DMatrix<f64>,
 }
 
 impl<const D: usize> Strategy<D> {
     pub(crate) fn new(kind: StepAdaptation) -> Self {
-        let identity: Vec<[f64; D]> = if kind == StepAdaptation::Covariance {
-            (0..D)
-                .map(|row| std::array::from_fn(|column| f64::from(u8::from(row == column))))
-                .collect()
+        let size = if kind == StepAdaptation::Covariance {
+            D
         } else {
-            Vec::new()
+            0
         };
         Self {
             kind,
-            sizes: [1.0; D],
-            covariance: identity.clone(),
-            factor: identity,
+            sizes: SVector::repeat(1.0),
+            covariance: DMatrix::identity(size, size),
+            factor: DMatrix::identity(size, size),
         }
     }
 
@@ -74,22 +74,18 @@ impl<const D: usize> Strategy<D> {
         let mut sizes = self.sizes.map(|size| size * (tau * common).exp());
         if self.kind == StepAdaptation::PerCoordinate && D > 1 {
             let tau = 1.0 / (2.0 * dimension.sqrt()).sqrt();
-            for (size, normal) in sizes.iter_mut().zip(standard_normal::<D>(rng)) {
+            for (size, normal) in sizes.iter_mut().zip(&standard_normal::<D>(rng)) {
                 *size *= (tau * normal).exp();
             }
         }
         let normal = standard_normal::<D>(rng);
-        let direction: [f64; D] = if self.kind == StepAdaptation::Covariance {
-            std::array::from_fn(|row| {
-                (0..=row)
-                    .map(|column| self.factor[row][column] * normal[column])
-                    .sum()
-            })
+        let direction = if self.kind == StepAdaptation::Covariance {
+            lower_times(&self.factor, &normal)
         } else {
             normal
         };
         Mutation {
-            step: std::array::from_fn(|i| sizes[i] * direction[i]),
+            step: sizes.component_mul(&direction),
             sizes,
         }
     }
@@ -97,11 +93,11 @@ impl<const D: usize> Strategy<D> {
     /// Intermediate recombination of the survivors, at least one: their mean step; the sizes and C follow them.
     ///
     /// # Errors
-    /// Pivot number and value where C is no longer positive definite.
+    /// The pivot at which C is no longer positive definite.
     pub(crate) fn recombine(
         &mut self,
         survivors: &[&Mutation<D>],
-    ) -> Result<[f64; D], (usize, f64)> {
+    ) -> Result<SVector<f64, D>, CholeskyError> {
         let count = survivors.len() as f64;
         let mean = |entry: &dyn Fn(&Mutation<D>) -> f64| {
             survivors
@@ -110,8 +106,8 @@ impl<const D: usize> Strategy<D> {
                 .sum::<f64>()
                 / count
         };
-        let step = std::array::from_fn(|i| mean(&|mutation| mutation.step[i]));
-        self.sizes = std::array::from_fn(|i| mean(&|mutation| mutation.sizes[i]));
+        let step = SVector::from_fn(|i, _| mean(&|mutation| mutation.step[i]));
+        self.sizes = SVector::from_fn(|i, _| mean(&|mutation| mutation.sizes[i]));
         if self.kind == StepAdaptation::Covariance {
             let dimension = D as f64;
             let share = 1.0 / (1.0 + dimension * (dimension + 1.0) / (2.0 * count));
@@ -120,56 +116,34 @@ impl<const D: usize> Strategy<D> {
                     let product = mean(&|Mutation { step, sizes }| {
                         step[row] * step[column] / (sizes[row] * sizes[column])
                     });
-                    let entry = &mut self.covariance[row][column];
+                    let entry = &mut self.covariance[(row, column)];
                     *entry += share * (product - *entry);
                 }
             }
-            let trace: f64 = (0..D).map(|i| self.covariance[i][i]).sum();
+            let trace: f64 = (0..D).map(|i| self.covariance[(i, i)]).sum();
             let scale = trace / dimension;
-            for row in &mut self.covariance {
-                for entry in row {
-                    *entry /= scale;
-                }
-            }
-            self.sizes = self.sizes.map(|size| size * scale.sqrt());
-            self.factorise()?;
+            self.covariance /= scale;
+            self.sizes *= scale.sqrt();
+            self.factor.copy_from(&self.covariance);
+            cholesky_in_place(&mut self.factor)?;
         }
         Ok(step)
     }
 
     /// Standard deviation of a step along each coordinate, in units of the initial sizes.
-    pub(crate) fn deviations(&self) -> [f64; D] {
+    pub(crate) fn deviations(&self) -> SVector<f64, D> {
         let mut deviations = self.sizes;
-        for (i, row) in self.covariance.iter().enumerate() {
-            deviations[i] *= row[i].sqrt();
+        for i in 0..self.covariance.nrows() {
+            deviations[i] *= self.covariance[(i, i)].sqrt();
         }
         deviations
-    }
-
-    /// Cholesky factor of C, by rows.
-    fn factorise(&mut self) -> Result<(), (usize, f64)> {
-        for row in 0..D {
-            for column in 0..=row {
-                let known: f64 = (0..column)
-                    .map(|k| self.factor[row][k] * self.factor[column][k])
-                    .sum();
-                let rest = self.covariance[row][column] - known;
-                self.factor[row][column] = if row > column {
-                    rest / self.factor[column][column]
-                } else if rest > 0.0 {
-                    rest.sqrt()
-                } else {
-                    return Err((row, rest));
-                };
-            }
-        }
-        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector2;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
@@ -178,8 +152,10 @@ mod tests {
     fn steps_have_the_covariance() {
         let mut strategy = Strategy::<3>::new(StepAdaptation::Covariance);
         // The factor of [[4, 2, 0.4], [2, 5, 1], [0.4, 1, 1]].
-        strategy.covariance = vec![[4.0, 0.0, 0.0], [2.0, 5.0, 0.0], [0.4, 1.0, 1.0]];
-        strategy.factorise().unwrap();
+        strategy.covariance =
+            DMatrix::from_row_slice(3, 3, &[4.0, 0.0, 0.0, 2.0, 5.0, 0.0, 0.4, 1.0, 1.0]);
+        strategy.factor = strategy.covariance.clone();
+        cholesky_in_place(&mut strategy.factor).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let count = 100_000;
         let mut sums = [[0.0; 3]; 3];
@@ -196,11 +172,11 @@ mod tests {
             for column in 0..=row {
                 let c = &strategy.covariance;
                 // Isserlis: the product of two normals has variance c_rr c_cc + c_rc^2.
-                let variance = c[row][row] * c[column][column] + c[row][column].powi(2);
+                let variance = c[(row, row)] * c[(column, column)] + c[(row, column)].powi(2);
                 let bound = 4.0 * (variance / f64::from(count)).sqrt();
                 let mean = sums[row][column] / f64::from(count);
                 assert!(
-                    (mean - c[row][column]).abs() < bound,
+                    (mean - c[(row, column)]).abs() < bound,
                     "{row} {column}: {mean}"
                 );
             }
@@ -212,16 +188,16 @@ mod tests {
         let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
         let survivors = [
             Mutation {
-                step: [2.0, 0.0],
-                sizes: [1.0; 2],
+                step: Vector2::new(2.0, 0.0),
+                sizes: Vector2::repeat(1.0),
             },
             Mutation {
-                step: [2.0, 6.0],
-                sizes: [3.0; 2],
+                step: Vector2::new(2.0, 6.0),
+                sizes: Vector2::repeat(3.0),
             },
         ];
         let step = strategy.recombine(&[&survivors[0], &survivors[1]]).unwrap();
-        assert_eq!(step, [2.0, 3.0]);
+        assert_eq!(step, Vector2::new(2.0, 3.0));
         // t = 1 + 2 * 3 / (2 * 2) = 5/2; directions (2, 0) and (2/3, 2) have mean products 20/9, 2/3 and 2.
         let share: f64 = 1.0 / 2.5;
         let c00 = 1.0 + share * (20.0 / 9.0 - 1.0);
@@ -229,16 +205,25 @@ mod tests {
         let c11 = 1.0 + share;
         let variance = 4.0 * c00;
         assert!((strategy.deviations()[0].powi(2) - variance).abs() < 1e-14 * variance);
-        let trace = strategy.covariance[0][0] + strategy.covariance[1][1];
+        let trace = strategy.covariance.trace();
         assert!((trace - 2.0).abs() < 1e-15);
-        let ratio = strategy.covariance[1][0] / strategy.covariance[1][1];
+        let ratio = strategy.covariance[(1, 0)] / strategy.covariance[(1, 1)];
         assert!((ratio - c10 / c11).abs() < 1e-15, "{ratio}");
     }
 
     #[test]
     fn a_lost_covariance_names_its_pivot() {
         let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
-        strategy.covariance = vec![[1.0, 0.0], [2.0, 1.0]];
-        assert_eq!(strategy.factorise(), Err((1, -3.0)));
+        strategy.covariance = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 2.0, 1.0]);
+        // One survivor of a step of zero shrinks the diagonal and leaves the correlation of 2.
+        let still = Mutation {
+            step: Vector2::zeros(),
+            sizes: Vector2::repeat(1.0),
+        };
+        let lost = strategy.recombine(&[&still]);
+        assert!(
+            matches!(lost, Err(CholeskyError::NotPositiveDefinite { pivot: 1, value, .. }) if (value + 3.0).abs() < 1e-14),
+            "{lost:?}"
+        );
     }
 }

@@ -14,23 +14,23 @@ mod adaptation;
 mod error;
 mod optimise;
 mod paper;
+mod params;
 mod rates;
 mod report;
 mod resample_move;
 mod restarts;
 mod slots;
-mod space;
 mod step;
 
 pub use adaptation::StepAdaptation;
 pub use error::EvolveError;
+pub use estimation_base::Manifold;
 pub use optimise::{OptimiseParams, OptimiseStop, Optimum, optimise};
-pub use paper::{PaperParams, evolve_paper};
-pub use rates::AdaptiveRates;
+pub use paper::evolve_paper;
+pub use params::{MoveParams, PaperParams};
 pub use report::{EvolutionReport, StopReason};
-pub use resample_move::{MoveParams, resample_move};
+pub use resample_move::resample_move;
 pub use restarts::optimise_restarting;
-pub use space::{Euclidean, LogFitness, Space};
 pub use step::StepFactors;
 
 /// Compiles and runs the code of the README.

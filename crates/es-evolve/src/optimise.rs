@@ -8,7 +8,7 @@
 //! are never set from outside: offspring with a good size survive. See [`StepAdaptation`] for the three shapes.
 //!
 //! Steps are taken in the tangent at the centre: the next centre is retract(centre, mean of the mu best steps). This needs
-//! [`Space::retract`] only, so poses optimise as vectors do.
+//! [`Manifold::retract`] only, so poses optimise as vectors do.
 //!
 //! Degenerate cases: an impossible offspring (log-fitness minus infinity) never survives; when fewer than mu are possible those
 //! few are averaged. Equal fitness is ranked by offspring number.
@@ -16,11 +16,13 @@
 //! When not to use: with derivatives at hand, or to sample a distribution ([`crate::resample_move`]). Rugged functions
 //! want a large population, not a long run: see [`crate::optimise_restarting`].
 
+use estimation_base::{CholeskyError, Manifold};
+use nalgebra::SVector;
 use rand::Rng;
 
-use crate::adaptation::Strategy;
+use crate::adaptation::{StepAdaptation, Strategy};
+use crate::error::{EvolveError, check_scale};
 use crate::slots::{evaluate, map_ordered};
-use crate::{EvolveError, LogFitness, Space, StepAdaptation};
 
 /// Settings of [`optimise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,7 +79,7 @@ impl OptimiseParams {
         if self.target.is_nan() {
             return Err(EvolveError::Target);
         }
-        crate::error::check_scale("min_step_size", self.min_step_size)
+        check_scale("min_step_size", self.min_step_size)
     }
 }
 
@@ -91,7 +93,7 @@ pub struct Optimum<G, const D: usize> {
     /// The last centre. Not evaluated; under noise the better estimate.
     pub centre: G,
     /// Standard deviation of the next step along each coordinate.
-    pub step_sizes: [f64; D],
+    pub step_sizes: SVector<f64, D>,
     /// Generations done.
     pub generations: usize,
     /// Calls of the fitness.
@@ -131,10 +133,8 @@ pub enum OptimiseStop {
     },
     /// The covariance of the steps lost positive definiteness by rounding: its condition passed about 1e16.
     Covariance {
-        /// Row of the failing Cholesky pivot.
-        pivot: usize,
-        /// Its value.
-        value: f64,
+        /// The pivot at which its factorisation failed.
+        reason: CholeskyError,
     },
 }
 
@@ -148,17 +148,20 @@ pub enum OptimiseStop {
 /// # Errors
 /// A parameter or step size out of range, [`EvolveError::LogFitness`] for NaN or plus infinity (the slot is the
 /// offspring's number), [`EvolveError::Impossible`] when a whole generation is impossible.
-pub fn optimise<const D: usize, S: Space<D>, R: Rng>(
-    space: &S,
-    start: &S::Genome,
-    step_sizes: &[f64; D],
-    fitness: &impl LogFitness<S::Genome>,
+pub fn optimise<const D: usize, G, R>(
+    start: &G,
+    step_sizes: &SVector<f64, D>,
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
     params: &OptimiseParams,
     streams: &(impl Fn(usize, usize) -> R + Sync),
-) -> Result<Optimum<S::Genome, D>, EvolveError> {
+) -> Result<Optimum<G, D>, EvolveError>
+where
+    G: Manifold<D> + Send + Sync,
+    R: Rng,
+{
     params.check()?;
-    check_step_sizes(step_sizes)?;
-    let in_tangent = |step: &[f64; D]| std::array::from_fn(|i| step_sizes[i] * step[i]);
+    check_step_sizes(step_sizes.as_slice())?;
+    let in_tangent = |step: &SVector<f64, D>| step_sizes.component_mul(step);
     let slots: Vec<usize> = (0..params.offspring).collect();
     let mut strategy = Strategy::new(params.adaptation);
     let mut centre = start.clone();
@@ -169,7 +172,7 @@ pub fn optimise<const D: usize, S: Space<D>, R: Rng>(
     let stop = loop {
         let offspring = map_ordered(&slots, |&slot| {
             let mutation = strategy.mutate(&mut streams(generation, slot));
-            let genome = space.retract(&centre, &in_tangent(&mutation.step));
+            let genome = centre.retract(&in_tangent(&mutation.step));
             let value = evaluate(fitness, slot, &genome)?;
             Ok((value, genome, mutation))
         });
@@ -198,10 +201,10 @@ pub fn optimise<const D: usize, S: Space<D>, R: Rng>(
         let stagnant = generation - best_generation;
         generation += 1;
         match recombined {
-            Ok(step) => centre = space.retract(&centre, &in_tangent(&step)),
-            Err((pivot, value)) => break OptimiseStop::Covariance { pivot, value },
+            Ok(step) => centre = centre.retract(&in_tangent(&step)),
+            Err(reason) => break OptimiseStop::Covariance { reason },
         }
-        let largest = strategy.deviations().into_iter().fold(0.0, f64::max);
+        let largest = strategy.deviations().iter().copied().fold(0.0, f64::max);
         let evaluations = generation * params.offspring;
         if log_fitness >= params.target {
             let target = params.target;

@@ -19,53 +19,15 @@
 //!
 //! Degenerate cases: one genome never mates; with an odd number one slot a step stays single.
 
+use estimation_base::Manifold;
 use rand::{Rng, RngExt};
 
-use crate::error::check_probability;
-use crate::slots::{Child, evaluate, evolve_copy, map_ordered, metropolis, settle};
-use crate::step::standard_normal;
-use crate::{
-    AdaptiveRates, EvolutionReport, EvolveError, LogFitness, Space, StepFactors, StopReason,
-};
-
-/// Settings of [`evolve_paper`]; the defaults are the paper's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PaperParams {
-    /// Steps of crossover and mutation. Default 8.
-    pub steps: usize,
-    /// Probability of crossover for parents below average, 0..=1. Default 0.85.
-    pub p_c1: f64,
-    /// Probability of crossover for the best parent, 0..=1. Default 0.65.
-    pub p_c2: f64,
-    /// Probability of mutation below average, and for the best, 0..=1. Default 0.1.
-    pub p_m1: f64,
-    /// Probability of mutation at average, 0..=1. Default 0.001.
-    pub p_m2: f64,
-    /// Most calls of the fitness. Default `usize::MAX`.
-    pub max_evaluations: usize,
-}
-
-impl Default for PaperParams {
-    fn default() -> Self {
-        Self {
-            steps: 8,
-            p_c1: 0.85,
-            p_c2: 0.65,
-            p_m1: 0.1,
-            p_m2: 0.001,
-            max_evaluations: usize::MAX,
-        }
-    }
-}
-
-impl PaperParams {
-    fn check(&self) -> Result<(), EvolveError> {
-        check_probability("p_c1", self.p_c1)?;
-        check_probability("p_c2", self.p_c2)?;
-        check_probability("p_m1", self.p_m1)?;
-        check_probability("p_m2", self.p_m2)
-    }
-}
+use crate::error::EvolveError;
+use crate::params::PaperParams;
+use crate::rates::AdaptiveRates;
+use crate::report::EvolutionReport;
+use crate::slots::evolve_copy;
+use crate::step::{StepFactors, standard_normal};
 
 /// Evolves the population in place by the paper's operators.
 ///
@@ -77,93 +39,63 @@ impl PaperParams {
 /// # Errors
 /// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, a budget below N, or [`EvolveError::LogFitness`];
 /// the population is then what it was.
-pub fn evolve_paper<const D: usize, S: Space<D>, R: Rng>(
-    space: &S,
-    population: &mut [S::Genome],
-    fitness: &impl LogFitness<S::Genome>,
+pub fn evolve_paper<const D: usize, G, R>(
+    population: &mut [G],
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
     factors: StepFactors<'_, D>,
     params: &PaperParams,
     streams: &(impl Fn(usize, usize) -> R + Sync),
-) -> Result<EvolutionReport, EvolveError> {
+) -> Result<EvolutionReport, EvolveError>
+where
+    G: Manifold<D> + Send + Sync,
+    R: Rng,
+{
     params.check()?;
+    let size = population.len();
+    let slots: Vec<usize> = (0..size).collect();
     let budget = params.max_evaluations;
-    evolve_copy(
-        population,
-        fitness,
-        factors,
-        budget,
-        |population, report| {
-            let size = population.len();
-            for step in 0..params.steps {
-                let pairs = random_pairs(size, &mut streams(2 * step, size));
-                if !report.affords(2 * pairs.len(), params.max_evaluations) {
-                    return Ok(());
+    evolve_copy(population, fitness, factors, budget, |run| {
+        for step in 0..params.steps {
+            let pairs = random_pairs(size, &mut streams(2 * step, size));
+            let rates = AdaptiveRates::new(params, run.log_fitness());
+            let crossed = run.phase(&pairs, 2, |parents, &(first, second)| {
+                let (one, other) = (parents.log_fitness[first], parents.log_fitness[second]);
+                let mut rng = streams(2 * step, first);
+                if rng.random::<f64>() >= rates.crossover(one, other) {
+                    return Ok(Vec::new());
                 }
-                let rates = AdaptiveRates::new(params, &report.log_fitness);
-                let values = &report.log_fitness;
-                let parents = &*population;
-                let litters = map_ordered(&pairs, |&(first, second)| {
-                    let mut rng = streams(2 * step, first);
-                    if rng.random::<f64>() >= rates.crossover(values[first], values[second]) {
-                        return Ok(None);
-                    }
-                    let kappa: f64 = rng.random();
-                    let normal = standard_normal(&mut rng);
-                    let best_parent = values[first].max(values[second]);
-                    let mut child = |slot: usize, mate: usize| {
-                        let toward_mate = space.local(&parents[slot], &parents[mate]);
-                        let tau = factors.apply(slot, 1.0, &normal);
-                        let blend =
-                            std::array::from_fn(|i| (1.0 - kappa) * toward_mate[i] + tau[i]);
-                        let genome = space.retract(&parents[slot], &blend);
-                        let log_fitness = evaluate(fitness, slot, &genome)?;
-                        Ok(Child {
-                            slot,
-                            genome,
-                            log_fitness,
-                            accepted: metropolis(log_fitness, best_parent, rng.random()),
-                            from_crossover: true,
-                        })
-                    };
-                    Ok(Some([child(first, second)?, child(second, first)?]))
-                });
-                let litters = litters
-                    .into_iter()
-                    .collect::<Result<Vec<_>, EvolveError>>()?;
-                settle(litters.into_iter().flatten().flatten(), population, report);
-
-                if !report.affords(size, params.max_evaluations) {
-                    return Ok(());
-                }
-                let rates = AdaptiveRates::new(params, &report.log_fitness);
-                let values = &report.log_fitness;
-                let parents = &*population;
-                let slots: Vec<usize> = (0..size).collect();
-                let children = map_ordered(&slots, |&slot| {
-                    let mut rng = streams(2 * step + 1, slot);
-                    if rng.random::<f64>() >= rates.mutation(values[slot]) {
-                        return Ok(None);
-                    }
-                    let sigma = factors.apply(slot, 1.0, &standard_normal(&mut rng));
-                    let genome = space.retract(&parents[slot], &sigma);
-                    let log_fitness = evaluate(fitness, slot, &genome)?;
-                    Ok(Some(Child {
-                        slot,
-                        genome,
-                        log_fitness,
-                        accepted: metropolis(log_fitness, values[slot], rng.random()),
-                        from_crossover: false,
-                    }))
-                });
-                let children = children
-                    .into_iter()
-                    .collect::<Result<Vec<_>, EvolveError>>()?;
-                settle(children.into_iter().flatten(), population, report);
-                report.stop = StopReason::Steps { steps: step + 1 };
+                let kappa: f64 = rng.random();
+                let normal = standard_normal(&mut rng);
+                let mut child = |slot: usize, mate: usize| {
+                    let toward_mate = parents.genomes[slot].local(&parents.genomes[mate]);
+                    let tau = factors.apply(slot, 1.0, &normal);
+                    let blend = toward_mate * (1.0 - kappa) + tau;
+                    parents.child(slot, &blend, one.max(other), true, &mut rng)
+                };
+                Ok(vec![child(first, second)?, child(second, first)?])
+            })?;
+            if !crossed {
+                return Ok(());
             }
-            Ok(())
-        },
-    )
+            let rates = AdaptiveRates::new(params, run.log_fitness());
+            let mutated = run.phase(&slots, 1, |parents, &slot| {
+                let present = parents.log_fitness[slot];
+                let mut rng = streams(2 * step + 1, slot);
+                if rng.random::<f64>() >= rates.mutation(present) {
+                    return Ok(None);
+                }
+                let change = factors.apply(slot, 1.0, &standard_normal(&mut rng));
+                parents
+                    .child(slot, &change, present, false, &mut rng)
+                    .map(Some)
+            })?;
+            if !mutated {
+                return Ok(());
+            }
+            run.finish_step(step + 1);
+        }
+        Ok(())
+    })
 }
 
 /// Disjoint pairs of slots, every pairing equally likely (Fisher-Yates).

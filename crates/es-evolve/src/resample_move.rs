@@ -20,55 +20,18 @@
 //!
 //! When not to use: to find the best genome. This does not climb.
 
+use estimation_base::Manifold;
+use nalgebra::SVector;
 use rand::{Rng, RngExt};
 
-use crate::error::{check_probability, check_scale};
-use crate::slots::{Child, evaluate, evolve_copy, map_ordered, metropolis, settle};
-use crate::step::standard_normal;
-use crate::{EvolutionReport, EvolveError, LogFitness, Space, StepFactors, StopReason};
+use crate::error::EvolveError;
+use crate::params::MoveParams;
+use crate::report::EvolutionReport;
+use crate::slots::evolve_copy;
+use crate::step::{StepFactors, standard_normal};
 
 /// Optimal random-walk scale times the root of the dimension.
 const OPTIMAL_SCALE: f64 = 2.38;
-
-/// Settings of [`resample_move`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MoveParams {
-    /// Steps; each moves every slot once. Default 4.
-    pub steps: usize,
-    /// Probability that a slot proposes a crossover rather than a mutation, 0..=1. Default 0.5.
-    pub crossover_share: f64,
-    /// Size of mutations relative to the optimum 2.38 / sqrt(D) in units of the step factor, at least 0. Default 1.
-    pub mutation_scale: f64,
-    /// Size of differences relative to the optimum 2.38 / sqrt(2 D), at least 0. Default 1.
-    pub differential_scale: f64,
-    /// Size of the random part of crossover in units of the step factor, at least 0. It must be positive for crossover
-    /// alone to reach everywhere. Default 0.05.
-    pub jitter_scale: f64,
-    /// Most calls of the fitness. Default `usize::MAX`.
-    pub max_evaluations: usize,
-}
-
-impl Default for MoveParams {
-    fn default() -> Self {
-        Self {
-            steps: 4,
-            crossover_share: 0.5,
-            mutation_scale: 1.0,
-            differential_scale: 1.0,
-            jitter_scale: 0.05,
-            max_evaluations: usize::MAX,
-        }
-    }
-}
-
-impl MoveParams {
-    fn check(&self) -> Result<(), EvolveError> {
-        check_probability("crossover_share", self.crossover_share)?;
-        check_scale("mutation_scale", self.mutation_scale)?;
-        check_scale("differential_scale", self.differential_scale)?;
-        check_scale("jitter_scale", self.jitter_scale)
-    }
-}
 
 /// Moves every slot by Metropolis-Hastings steps that leave exp(log-fitness of the slot) invariant.
 ///
@@ -80,69 +43,53 @@ impl MoveParams {
 /// # Errors
 /// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, a budget below N, or [`EvolveError::LogFitness`];
 /// the population is then what it was.
-pub fn resample_move<const D: usize, S: Space<D>, R: Rng>(
-    space: &S,
-    population: &mut [S::Genome],
-    fitness: &impl LogFitness<S::Genome>,
+pub fn resample_move<const D: usize, G, R>(
+    population: &mut [G],
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
     factors: StepFactors<'_, D>,
     params: &MoveParams,
     streams: &(impl Fn(usize, usize) -> R + Sync),
-) -> Result<EvolutionReport, EvolveError> {
+) -> Result<EvolutionReport, EvolveError>
+where
+    G: Manifold<D> + Send + Sync,
+    R: Rng,
+{
     params.check()?;
+    // Even and odd rather than front and back: resampling leaves copies side by side.
+    let even: Vec<usize> = (0..population.len()).step_by(2).collect();
+    let odd: Vec<usize> = (1..population.len()).step_by(2).collect();
     let budget = params.max_evaluations;
-    evolve_copy(
-        population,
-        fitness,
-        factors,
-        budget,
-        |population, report| {
-            let size = population.len();
-            // Even and odd rather than front and back: resampling leaves copies side by side.
-            let even: Vec<usize> = (0..size).step_by(2).collect();
-            let odd: Vec<usize> = (1..size).step_by(2).collect();
-            for step in 0..params.steps {
-                for (moving, resting) in [(&even, &odd), (&odd, &even)] {
-                    if !report.affords(moving.len(), params.max_evaluations) {
-                        return Ok(());
-                    }
-                    let values = &report.log_fitness;
-                    let parents = &*population;
-                    let children = map_ordered(moving, |&slot| {
-                        let mut rng = streams(step, slot);
-                        let (change, from_crossover) =
-                            propose(space, parents, resting, factors, slot, params, &mut rng);
-                        let genome = space.retract(&parents[slot], &change);
-                        let log_fitness = evaluate(fitness, slot, &genome)?;
-                        Ok(Child {
-                            slot,
-                            genome,
-                            log_fitness,
-                            accepted: metropolis(log_fitness, values[slot], rng.random()),
-                            from_crossover,
-                        })
-                    });
-                    let children = children
-                        .into_iter()
-                        .collect::<Result<Vec<_>, EvolveError>>()?;
-                    settle(children, population, report);
+    evolve_copy(population, fitness, factors, budget, |run| {
+        for step in 0..params.steps {
+            for (moving, resting) in [(&even, &odd), (&odd, &even)] {
+                let moved = run.phase(moving, 1, |parents, &slot| {
+                    let mut rng = streams(step, slot);
+                    let (change, from_crossover) =
+                        propose(parents.genomes, resting, factors, slot, params, &mut rng);
+                    let present = parents.log_fitness[slot];
+                    parents
+                        .child(slot, &change, present, from_crossover, &mut rng)
+                        .map(Some)
+                })?;
+                if !moved {
+                    return Ok(());
                 }
-                report.stop = StopReason::Steps { steps: step + 1 };
             }
-            Ok(())
-        },
-    )
+            run.finish_step(step + 1);
+        }
+        Ok(())
+    })
 }
 
 /// The step a slot tries, symmetric about zero and blind to the moving half, and whether it is a crossover.
-fn propose<const D: usize, S: Space<D>>(
-    space: &S,
-    parents: &[S::Genome],
+fn propose<const D: usize, G: Manifold<D>>(
+    parents: &[G],
     resting: &[usize],
     factors: StepFactors<'_, D>,
     slot: usize,
     params: &MoveParams,
     rng: &mut impl Rng,
-) -> ([f64; D], bool) {
+) -> (SVector<f64, D>, bool) {
     let dimension = D as f64;
     let wants_crossover = rng.random::<f64>() < params.crossover_share;
     if !wants_crossover || resting.len() < 2 {
@@ -153,10 +100,7 @@ fn propose<const D: usize, S: Space<D>>(
     // One of the others, all equally likely.
     let b = (a + rng.random_range(1..resting.len())) % resting.len();
     let gain = params.differential_scale * OPTIMAL_SCALE / (2.0 * dimension).sqrt();
-    let difference = space.local(&parents[resting[b]], &parents[resting[a]]);
+    let difference = parents[resting[b]].local(&parents[resting[a]]);
     let jitter = factors.apply(slot, params.jitter_scale, &standard_normal(rng));
-    (
-        std::array::from_fn(|i| gain * difference[i] + jitter[i]),
-        true,
-    )
+    (difference * gain + jitter, true)
 }

@@ -3,9 +3,12 @@
 //! Problem: a run that ended in a local optimum says nothing of the others. Each further run starts elsewhere with twice the
 //! parents and offspring: a larger population averages over more of a rugged function and sees less of its detail.
 
+use estimation_base::Manifold;
+use nalgebra::SVector;
 use rand::Rng;
 
-use crate::{EvolveError, LogFitness, OptimiseParams, OptimiseStop, Optimum, Space, optimise};
+use crate::error::EvolveError;
+use crate::optimise::{OptimiseParams, OptimiseStop, Optimum, optimise};
 
 /// [`optimise`], again and again with doubled populations, until the target is reached or the budget does not allow
 /// another generation.
@@ -17,17 +20,20 @@ use crate::{EvolveError, LogFitness, OptimiseParams, OptimiseStop, Optimum, Spac
 ///
 /// # Errors
 /// As [`optimise`], of any run.
-pub fn optimise_restarting<const D: usize, S: Space<D>, R: Rng>(
-    space: &S,
-    start: impl Fn(usize) -> S::Genome,
-    step_sizes: &[f64; D],
-    fitness: &impl LogFitness<S::Genome>,
+pub fn optimise_restarting<const D: usize, G, R>(
+    start: impl Fn(usize) -> G,
+    step_sizes: &SVector<f64, D>,
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
     params: &OptimiseParams,
     streams: &(impl Fn(usize, usize) -> R + Sync),
-) -> Result<Optimum<S::Genome, D>, EvolveError> {
+) -> Result<Optimum<G, D>, EvolveError>
+where
+    G: Manifold<D> + Send + Sync,
+    R: Rng,
+{
     let mut params = *params;
     let max_evaluations = params.max_evaluations;
-    let mut total = optimise(space, &start(0), step_sizes, fitness, &params, streams)?;
+    let mut total = optimise(&start(0), step_sizes, fitness, &params, streams)?;
     let mut run = 1;
     loop {
         params.parents *= 2;
@@ -46,7 +52,7 @@ pub fn optimise_restarting<const D: usize, S: Space<D>, R: Rng>(
         }
         let done = total.generations;
         let numbered = |generation: usize, slot: usize| streams(done + generation, slot);
-        let mut next = optimise(space, &start(run), step_sizes, fitness, &params, &numbered)?;
+        let mut next = optimise(&start(run), step_sizes, fitness, &params, &numbered)?;
         next.generations += total.generations;
         next.evaluations += total.evaluations;
         if next.log_fitness < total.log_fitness {

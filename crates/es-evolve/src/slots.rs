@@ -1,7 +1,13 @@
-//! What both movers share: ordered maps over slots (on several threads with the `parallel` feature), checked fitness
-//! values, the Metropolis rule, and a copy that is thrown away after an error.
+//! The frame of both movers: ordered maps over slots (on several threads with the `parallel` feature), checked fitness
+//! values, the Metropolis rule, phases that are done whole or not at all, and a copy that is thrown away after an error.
 
-use crate::{EvolutionReport, EvolveError, LogFitness, StepFactors};
+use estimation_base::Manifold;
+use nalgebra::SVector;
+use rand::{Rng, RngExt};
+
+use crate::error::EvolveError;
+use crate::report::{EvolutionReport, StopReason};
+use crate::step::StepFactors;
 
 /// `f` of every item, in the order of the items.
 #[cfg(feature = "parallel")]
@@ -16,14 +22,23 @@ pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + S
     items.iter().map(f).collect()
 }
 
+/// The population of a mover on its way, with what happened so far.
+#[derive(Debug)]
+pub(crate) struct Run<'a, G, F> {
+    population: &'a mut [G],
+    fitness: &'a F,
+    report: EvolutionReport,
+    max_evaluations: usize,
+}
+
 /// Runs `phases` on a copy of the population, after the checks and the first look at every slot; the population takes the
 /// outcome only when nothing failed.
-pub(crate) fn evolve_copy<const D: usize, G: Clone + Sync>(
+pub(crate) fn evolve_copy<const D: usize, G: Clone + Sync, F: Fn(usize, &G) -> f64 + Sync>(
     population: &mut [G],
-    fitness: &impl LogFitness<G>,
+    fitness: &F,
     factors: StepFactors<'_, D>,
     max_evaluations: usize,
-    phases: impl FnOnce(&mut [G], &mut EvolutionReport) -> Result<(), EvolveError>,
+    phases: impl FnOnce(&mut Run<'_, G, F>) -> Result<(), EvolveError>,
 ) -> Result<EvolutionReport, EvolveError> {
     let size = population.len();
     factors.check(size)?;
@@ -36,17 +51,100 @@ pub(crate) fn evolve_copy<const D: usize, G: Clone + Sync>(
             required: size,
         });
     }
-    let mut report = EvolutionReport::new(evaluate_all(population, fitness)?);
+    let report = EvolutionReport::new(evaluate_all(population, fitness)?);
     let mut evolved = population.to_vec();
-    phases(&mut evolved, &mut report)?;
+    let mut run = Run {
+        population: &mut evolved,
+        fitness,
+        report,
+        max_evaluations,
+    };
+    phases(&mut run)?;
+    let report = run.report;
     population.swap_with_slice(&mut evolved);
     Ok(report)
 }
 
+impl<G: Send + Sync, F: Fn(usize, &G) -> f64 + Sync> Run<'_, G, F> {
+    /// Log-fitness of the present genome of each slot.
+    pub(crate) fn log_fitness(&self) -> &[f64] {
+        &self.report.log_fitness
+    }
+
+    /// Notes that so many steps are done.
+    pub(crate) const fn finish_step(&mut self, steps: usize) {
+        self.report.stop = StopReason::Steps { steps };
+    }
+
+    /// One phase: every item proposes children, at most `children` of them, from the population as it stands; then all
+    /// accepted ones take their slots. False, with the reason noted, when the budget does not allow the phase.
+    pub(crate) fn phase<T: Sync, C: IntoIterator<Item = Child<G>> + Send>(
+        &mut self,
+        items: &[T],
+        children: usize,
+        propose: impl Fn(&Parents<'_, G, F>, &T) -> Result<C, EvolveError> + Sync,
+    ) -> Result<bool, EvolveError> {
+        if !self
+            .report
+            .affords(children * items.len(), self.max_evaluations)
+        {
+            return Ok(false);
+        }
+        let parents = Parents {
+            genomes: self.population,
+            log_fitness: &self.report.log_fitness,
+            fitness: self.fitness,
+        };
+        let proposed = map_ordered(items, |item| propose(&parents, item));
+        let proposed = proposed
+            .into_iter()
+            .collect::<Result<Vec<C>, EvolveError>>()?;
+        settle(
+            proposed.into_iter().flatten(),
+            self.population,
+            &mut self.report,
+        );
+        Ok(true)
+    }
+}
+
+/// The population that a phase proposes from.
+#[derive(Debug)]
+pub(crate) struct Parents<'a, G, F> {
+    pub(crate) genomes: &'a [G],
+    pub(crate) log_fitness: &'a [f64],
+    fitness: &'a F,
+}
+
+impl<G, F: Fn(usize, &G) -> f64 + Sync> Parents<'_, G, F> {
+    /// The genome `step` away from that of the slot, judged there against log-fitness `rival` by the Metropolis rule.
+    pub(crate) fn child<const D: usize>(
+        &self,
+        slot: usize,
+        step: &SVector<f64, D>,
+        rival: f64,
+        from_crossover: bool,
+        rng: &mut impl Rng,
+    ) -> Result<Child<G>, EvolveError>
+    where
+        G: Manifold<D>,
+    {
+        let genome = self.genomes[slot].retract(step);
+        let log_fitness = evaluate(self.fitness, slot, &genome)?;
+        Ok(Child {
+            slot,
+            genome,
+            log_fitness,
+            accepted: metropolis(log_fitness, rival, rng.random()),
+            from_crossover,
+        })
+    }
+}
+
 /// Log-fitness of every slot; the error of the lowest slot when several are wrong.
-pub(crate) fn evaluate_all<G: Sync>(
+fn evaluate_all<G: Sync>(
     population: &[G],
-    fitness: &impl LogFitness<G>,
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
 ) -> Result<Vec<f64>, EvolveError> {
     let slots: Vec<usize> = (0..population.len()).collect();
     let values = map_ordered(&slots, |&slot| evaluate(fitness, slot, &population[slot]));
@@ -55,11 +153,11 @@ pub(crate) fn evaluate_all<G: Sync>(
 
 /// Log-fitness of one genome, refused when NaN or plus infinity.
 pub(crate) fn evaluate<G>(
-    fitness: &impl LogFitness<G>,
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
     slot: usize,
     genome: &G,
 ) -> Result<f64, EvolveError> {
-    let value = fitness.log_fitness(slot, genome);
+    let value = fitness(slot, genome);
     if value < f64::INFINITY {
         Ok(value)
     } else {
@@ -78,7 +176,7 @@ pub(crate) struct Child<G> {
 }
 
 /// Counts the children and puts the accepted ones into their slots.
-pub(crate) fn settle<G>(
+fn settle<G>(
     children: impl IntoIterator<Item = Child<G>>,
     population: &mut [G],
     report: &mut EvolutionReport,
@@ -103,7 +201,7 @@ pub(crate) fn settle<G>(
 /// Metropolis rule in log space: accepted with probability min(1, exp(child - parent)).
 ///
 /// An impossible child is refused, also by an impossible parent (0/0 is read as no improvement). `uniform` lies in [0, 1).
-pub(crate) fn metropolis(child: f64, parent: f64, uniform: f64) -> bool {
+fn metropolis(child: f64, parent: f64, uniform: f64) -> bool {
     child > parent || (child > f64::NEG_INFINITY && uniform < (child - parent).exp())
 }
 

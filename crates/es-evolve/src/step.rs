@@ -1,9 +1,10 @@
 //! Gaussian steps in the tangent, from lower-triangular factors L with covariance L L^T.
 
+use nalgebra::{Dim, RawStorage, SMatrix, SVector, SquareMatrix};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::EvolveError;
+use crate::error::EvolveError;
 
 /// Lower-triangular factors of the step covariance. Entries above the diagonal are not read.
 ///
@@ -11,9 +12,9 @@ use crate::EvolveError;
 #[derive(Debug, Clone, Copy)]
 pub enum StepFactors<'a, const D: usize> {
     /// The same factor for all slots.
-    Common(&'a [[f64; D]; D]),
+    Common(&'a SMatrix<f64, D, D>),
     /// One factor a slot.
-    PerSlot(&'a [[[f64; D]; D]]),
+    PerSlot(&'a [SMatrix<f64, D, D>]),
 }
 
 impl<const D: usize> StepFactors<'_, D> {
@@ -31,7 +32,7 @@ impl<const D: usize> StepFactors<'_, D> {
         for (slot, factor) in factors.iter().enumerate() {
             for row in 0..D {
                 for column in 0..=row {
-                    let value = factor[row][column];
+                    let value = factor[(row, column)];
                     if !value.is_finite() {
                         return Err(EvolveError::Factor {
                             slot,
@@ -47,40 +48,55 @@ impl<const D: usize> StepFactors<'_, D> {
     }
 
     /// `scale * L * normal` with the factor of the slot.
-    pub(crate) fn apply(&self, slot: usize, scale: f64, normal: &[f64; D]) -> [f64; D] {
+    pub(crate) fn apply(
+        &self,
+        slot: usize,
+        scale: f64,
+        normal: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
         let factor = match self {
             Self::Common(factor) => factor,
             Self::PerSlot(factors) => &factors[slot],
         };
-        std::array::from_fn(|row| {
-            let product: f64 = (0..=row)
-                .map(|column| factor[row][column] * normal[column])
-                .sum();
-            scale * product
-        })
+        lower_times(factor, normal) * scale
     }
 }
 
+/// L z for the lower triangle of a matrix. The sum of each row begins at its first column; the results of seeded runs
+/// depend on that order.
+pub(crate) fn lower_times<const D: usize, N: Dim, S: RawStorage<f64, N, N>>(
+    lower: &SquareMatrix<f64, N, S>,
+    vector: &SVector<f64, D>,
+) -> SVector<f64, D> {
+    SVector::from_fn(|row, _| {
+        (0..=row)
+            .map(|column| lower[(row, column)] * vector[column])
+            .sum()
+    })
+}
+
 /// Independent standard normal components.
-pub(crate) fn standard_normal<const D: usize>(rng: &mut impl Rng) -> [f64; D] {
-    std::array::from_fn(|_| StandardNormal.sample(rng))
+pub(crate) fn standard_normal<const D: usize>(rng: &mut impl Rng) -> SVector<f64, D> {
+    SVector::from_fn(|_, _| StandardNormal.sample(rng))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Matrix1, Matrix2, Vector2};
 
     #[test]
     fn the_lower_triangle_alone_is_read() {
-        let factor = [[2.0, f64::NAN], [3.0, 5.0]];
+        let factor = Matrix2::new(2.0, f64::NAN, 3.0, 5.0);
         let factors = StepFactors::Common(&factor);
         assert_eq!(factors.check(7), Ok(()));
-        assert_eq!(factors.apply(6, 2.0, &[1.0, 10.0]), [4.0, 106.0]);
+        let step = factors.apply(6, 2.0, &Vector2::new(1.0, 10.0));
+        assert_eq!(step, Vector2::new(4.0, 106.0));
     }
 
     #[test]
     fn a_wrong_factor_is_named() {
-        let factors = [[[1.0]], [[f64::INFINITY]]];
+        let factors = [Matrix1::new(1.0), Matrix1::new(f64::INFINITY)];
         let error = StepFactors::PerSlot(&factors).check(2).unwrap_err();
         assert_eq!(
             error.to_string(),

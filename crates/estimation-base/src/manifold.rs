@@ -19,6 +19,16 @@ pub trait Manifold<const D: usize>: Clone {
     fn local(&self, other: &Self) -> SVector<f64, D>;
 }
 
+impl Manifold<1> for f64 {
+    fn retract(&self, tangent: &SVector<f64, 1>) -> Self {
+        self + tangent[0]
+    }
+
+    fn local(&self, other: &Self) -> SVector<f64, 1> {
+        SVector::<f64, 1>::new(other - self)
+    }
+}
+
 impl<const D: usize> Manifold<D> for SVector<f64, D> {
     fn retract(&self, tangent: &SVector<f64, D>) -> Self {
         self + tangent

@@ -34,7 +34,7 @@ use crate::models::{MotionModel, ObservationModel};
 use crate::proposal::likelihood::{Held, held_spreads, sampled};
 use crate::proposal::prior::MotionPrior;
 use crate::spread::Spread;
-use es_evolve::{Euclidean, MoveParams, StepFactors, resample_move};
+use es_evolve::{MoveParams, StepFactors, resample_move};
 use estimation_base::symmetric;
 use nalgebra::{SMatrix, SVector};
 use rbpf_core::{Purpose, Rejuvenation, RejuvenationReport, Streams, map_particles};
@@ -58,7 +58,7 @@ struct Target<const D: usize, const K: usize, const M: usize> {
     prior: MotionPrior<D>,
     held: Held<Spread<K>, M>,
     noise: SMatrix<f64, M, M>,
-    step_factor: [[f64; D]; D],
+    step_factor: SMatrix<f64, D, D>,
 }
 
 impl<A, B, const D: usize, const K: usize, const M: usize>
@@ -83,27 +83,22 @@ where
         });
         let targets = targets.into_iter().collect::<Result<Vec<_>, _>>()?;
         let factors: Vec<_> = targets.iter().map(|target| target.step_factor).collect();
-        let start: Vec<[f64; D]> = particles
+        let start: Vec<SVector<f64, D>> = particles
             .iter()
             .zip(&targets)
-            .map(|(particle, target)| {
-                let tangent = self.motion.local(&target.prior.pose, &particle.pose);
-                tangent.into()
-            })
+            .map(|(particle, target)| self.motion.local(&target.prior.pose, &particle.pose))
             .collect();
         let mut moved = start.clone();
-        let log_target = |slot: usize, tangent: &[f64; D]| {
-            let tangent = SVector::from(*tangent);
+        let log_target = |slot: usize, tangent: &SVector<f64, D>| {
             let target = &targets[slot];
-            let pose = self.motion.retract(&target.prior.pose, &tangent);
+            let pose = self.motion.retract(&target.prior.pose, tangent);
             // The inputs were checked above; a failure that is left gives no number, and the moves
             // name its slot.
             sampled(&self.sensor, &target.noise, &pose, &target.held).map_or(f64::NAN, |log| {
-                log + target.prior.factor.log_density(&tangent)
+                log + target.prior.factor.log_density(tangent)
             })
         };
         let report = resample_move(
-            &Euclidean,
             &mut moved,
             &log_target,
             StepFactors::PerSlot(&factors),
@@ -116,7 +111,7 @@ where
         for (slot, particle) in particles.iter_mut().enumerate() {
             if moved[slot] != start[slot] {
                 let predicted = &targets[slot].prior.pose;
-                let tangent = SVector::from(moved[slot]);
+                let tangent = moved[slot];
                 particle.pose = self.motion.retract(predicted, &tangent);
             }
         }
@@ -166,12 +161,11 @@ impl<A, B> MovePoses<A, B> {
         let covariance =
             definite(&symmetric(&information), "pose information")?.solve(&SMatrix::identity());
         let factor = definite(&symmetric(&covariance), "pose steps")?;
-        let lower = factor.lower();
         Ok(Target {
             prior,
             held,
             noise,
-            step_factor: std::array::from_fn(|row| std::array::from_fn(|k| lower[(row, k)])),
+            step_factor: *factor.lower(),
         })
     }
 }

@@ -5,8 +5,7 @@
 //! its own path and map: only its pose at this frame moves.
 
 use es_evolve::{
-    EvolutionReport, EvolveError, MoveParams, PaperParams, Space, StepFactors, evolve_paper,
-    resample_move,
+    EvolutionReport, EvolveError, MoveParams, PaperParams, StepFactors, evolve_paper, resample_move,
 };
 use rayon::prelude::*;
 use rbpf_core::{Purpose, Rejuvenation, RejuvenationReport, Streams};
@@ -14,7 +13,7 @@ use rbpf_core::{Purpose, Rejuvenation, RejuvenationReport, Streams};
 use super::likelihood::Likelihood;
 use super::observation::{FrameObservation, Prepared};
 use super::particle::Particle;
-use super::pose::{CameraPose, POSE_DIM, PoseStep};
+use super::pose::{CameraPose, PoseMatrix};
 use crate::method::Evolution;
 use crate::rig::Rig;
 
@@ -46,19 +45,10 @@ impl PoseEvolution<'_> {
             .par_iter()
             .map(|p| observation.prepare(p))
             .collect();
-        let factors: Vec<[[f64; POSE_DIM]; POSE_DIM]> = particles
+        let factors: Vec<PoseMatrix> = particles
             .iter()
-            .map(|p| {
-                let mut rows = [[0.0; POSE_DIM]; POSE_DIM];
-                if let Some(drawn) = &p.prior {
-                    for (i, row) in rows.iter_mut().enumerate() {
-                        for (j, v) in row.iter_mut().enumerate().take(i + 1) {
-                            *v = drawn.step_factor[(i, j)];
-                        }
-                    }
-                }
-                rows
-            })
+            .map(|p| p.prior.as_ref().map(|drawn| drawn.step_factor))
+            .map(Option::unwrap_or_default)
             .collect();
         let mut poses: Vec<CameraPose> = particles.iter().map(|p| p.pose).collect();
         let random = |step: usize, slot: usize| {
@@ -80,7 +70,6 @@ impl PoseEvolution<'_> {
             };
             match self.operators {
                 Evolution::MetropolisHastings => resample_move(
-                    &PoseSpace,
                     &mut poses,
                     &exact,
                     StepFactors::PerSlot(&factors),
@@ -91,7 +80,6 @@ impl PoseEvolution<'_> {
                     &random,
                 )?,
                 _ => evolve_paper(
-                    &PoseSpace,
                     &mut poses,
                     &paper,
                     StepFactors::PerSlot(&factors),
@@ -128,20 +116,5 @@ impl Rejuvenation<Particle, FrameObservation> for PoseEvolution<'_> {
             proposed: report.proposed_crossovers + report.proposed_mutations,
             accepted: report.accepted_crossovers + report.accepted_mutations,
         })
-    }
-}
-
-/// Poses as genomes: addition with a wrapped heading.
-struct PoseSpace;
-
-impl Space<POSE_DIM> for PoseSpace {
-    type Genome = CameraPose;
-
-    fn retract(&self, at: &CameraPose, step: &[f64; POSE_DIM]) -> CameraPose {
-        at.retract(&PoseStep::from(*step))
-    }
-
-    fn local(&self, from: &CameraPose, to: &CameraPose) -> [f64; POSE_DIM] {
-        from.local(to).into()
     }
 }

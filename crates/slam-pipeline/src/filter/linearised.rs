@@ -10,6 +10,7 @@
 //! A match far from its prediction is down-weighted (Huber) in the proposal
 //! only; the importance weight makes up for it.
 
+use estimation_base::Manifold;
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 use super::landmark::{Lens, Ray, projected_covariance};

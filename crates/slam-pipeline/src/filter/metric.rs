@@ -7,6 +7,7 @@
 //! more Rao-Blackwellisation; its cost does not depend on the size of the map, and every odometry reading renews the
 //! scale. Methods without an open scale start with a zero covariance, which keeps s = 1.
 
+use estimation_base::Manifold;
 use mono_geometry::Se2;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

@@ -6,6 +6,7 @@
 //! The scale s is itself Gaussian in the particle, so the prior covariance is J Q J^T + g g^T Var(s), with g = dc/ds.
 //! Roll and pitch revert to zero and the height follows the slope of the floor; odometry measures neither.
 
+use estimation_base::Manifold;
 use nalgebra::{Matrix3, Vector2};
 
 use mono_geometry::Se2;

@@ -7,8 +7,8 @@
 //!
 //! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
 
+use estimation_base::{Manifold, wrap};
 use mono_geometry::Se2;
-use mono_geometry::angle::wrap;
 use mono_geometry::mount::world_from_tilted_body;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -40,9 +40,19 @@ pub(crate) struct CameraPose {
 }
 
 impl CameraPose {
-    /// The pose moved by a tangent step; the heading stays wrapped.
+    /// Rotation from body to world axes.
     #[must_use]
-    pub(crate) fn retract(&self, step: &PoseStep) -> Self {
+    pub(crate) fn world_from_body(&self) -> Matrix3<f64> {
+        let heading = Se2::new(0.0, 0.0, self.phi);
+        *world_from_tilted_body(&heading, self.roll, self.pitch, 0.0)
+            .rotation
+            .matrix()
+    }
+}
+
+/// Addition with a wrapped heading: volumes are those of the six numbers, as the Metropolis-Hastings moves require.
+impl Manifold<POSE_DIM> for CameraPose {
+    fn retract(&self, step: &PoseStep) -> Self {
         Self {
             centre: self.centre + step.fixed_rows::<3>(0),
             phi: wrap(self.phi + step[3]),
@@ -51,9 +61,7 @@ impl CameraPose {
         }
     }
 
-    /// The step that leads from `self` to `other`; heading differences are wrapped.
-    #[must_use]
-    pub(crate) fn local(&self, other: &Self) -> PoseStep {
+    fn local(&self, other: &Self) -> PoseStep {
         let d = other.centre - self.centre;
         PoseStep::from([
             d.x,
@@ -63,15 +71,6 @@ impl CameraPose {
             other.roll - self.roll,
             other.pitch - self.pitch,
         ])
-    }
-
-    /// Rotation from body to world axes.
-    #[must_use]
-    pub(crate) fn world_from_body(&self) -> Matrix3<f64> {
-        let heading = Se2::new(0.0, 0.0, self.phi);
-        *world_from_tilted_body(&heading, self.roll, self.pitch, 0.0)
-            .rotation
-            .matrix()
     }
 }
 

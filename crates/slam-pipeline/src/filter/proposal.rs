@@ -9,6 +9,7 @@
 use core::convert::Infallible;
 use std::sync::Arc;
 
+use estimation_base::Manifold;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rbpf_core::Proposal;

@@ -1,5 +1,6 @@
 //! Belief in landmarks, and matches of a synthetic scene.
 
+use estimation_base::Manifold;
 use std::collections::BTreeSet;
 
 use crate::filter::landmark::Landmark;

@@ -10,6 +10,7 @@ use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, PlacedCamera, PoseStep};
 use crate::odometry::Control;
 use crate::rig::Rig;
+use estimation_base::Manifold;
 use mono_geometry::{Camera, Distortion, Mount, Pinhole, Se2};
 use nalgebra::{Matrix2x6, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};

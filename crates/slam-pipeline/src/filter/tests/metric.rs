@@ -3,6 +3,7 @@
 use crate::filter::metric::MetricState;
 use crate::filter::motion::CarrierModel;
 use crate::filter::particle::Particle;
+use estimation_base::Manifold;
 use nalgebra::{Matrix3, Vector2};
 
 use super::common::*;

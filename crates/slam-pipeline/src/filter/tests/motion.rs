@@ -4,6 +4,7 @@ use crate::filter::motion::CarrierModel;
 use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, PoseMatrix, PoseStep};
 use crate::odometry::Control;
+use estimation_base::Manifold;
 use mono_geometry::Se2;
 use nalgebra::{SVector, Vector2};
 

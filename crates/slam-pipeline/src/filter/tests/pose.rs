@@ -13,6 +13,7 @@ use crate::filter::proposal::PoseProposal;
 use crate::method::{Evolution, LikelihoodForm, ProposalKind, WeightForm};
 use crate::odometry::Control;
 use crate::rig::Rig;
+use estimation_base::Manifold;
 use mono_geometry::Se2;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::{Proposal, Rejuvenation, Streams};

@@ -2,36 +2,36 @@
 //!
 //! Functions are minimised: log-fitness is minus their value.
 
-#[expect(dead_code, reason = "each target uses a part")]
-mod support;
+use std::f64::consts::{PI, TAU};
 
 use es_evolve::{
-    Euclidean, EvolveError, OptimiseParams, OptimiseStop, StepAdaptation, optimise,
-    optimise_restarting,
+    EvolveError, OptimiseParams, OptimiseStop, StepAdaptation, optimise, optimise_restarting,
 };
+use estimation_base::{Se2, wrap};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
-use std::f64::consts::{PI, TAU};
-use support::{PlanarGroup, generator, stream, wrap};
 
-fn sphere<const D: usize>(_: usize, x: &[f64; D]) -> f64 {
-    -x.iter().map(|v| v * v).sum::<f64>()
+use crate::support::{generator, stream};
+
+type Vector = SVector<f64, 10>;
+type Rows = SMatrix<f64, 10, 10>;
+
+fn sphere<const D: usize>(_: usize, x: &SVector<f64, D>) -> f64 {
+    -x.norm_squared()
 }
 
-fn rosenbrock(x: &[f64]) -> f64 {
-    x.windows(2)
+fn rosenbrock(x: &Vector) -> f64 {
+    x.as_slice()
+        .windows(2)
         .map(|pair| 100.0 * (pair[0] * pair[0] - pair[1]).powi(2) + (pair[0] - 1.0).powi(2))
         .sum()
 }
 
-fn rastrigin(x: &[f64]) -> f64 {
+fn rastrigin(x: &Vector) -> f64 {
     x.iter()
         .map(|v| v * v + 10.0 * (1.0 - (TAU * v).cos()))
         .sum()
-}
-
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// Progress coefficient: the expected mean of the mu greatest of lambda standard normals (Beyer 2001), by the
@@ -76,13 +76,13 @@ fn one_generation_follows_the_progress_law() {
             max_evaluations: lambda as usize,
             ..OptimiseParams::for_dimension(D)
         };
-        let mut start = [0.0; D];
+        let mut start = SVector::<f64, D>::zeros();
         start[0] = 1.0;
         let progress: Vec<f64> = (0..4000)
             .map(|seed| {
-                let sizes = [sigma / n; D];
-                let run = optimise(&Euclidean, &start, &sizes, &sphere, &params, &stream(seed));
-                n * (1.0 - norm(&run.expect("finite").centre))
+                let sizes = SVector::repeat(sigma / n);
+                let run = optimise(&start, &sizes, &sphere, &params, &stream(seed));
+                n * (1.0 - run.expect("finite").centre.norm())
             })
             .collect();
         let count = progress.len() as f64;
@@ -121,14 +121,13 @@ fn convergence_on_the_sphere_is_linear() {
             };
             let logs = (0..20_u64).map(|seed| {
                 let run = optimise(
-                    &Euclidean,
-                    &[1.0; D],
-                    &[0.3; D],
+                    &SVector::<f64, D>::repeat(1.0),
+                    &SVector::<f64, D>::repeat(0.3),
                     &sphere,
                     &params,
                     &stream(seed),
                 );
-                norm(&run.expect("finite").centre).ln()
+                run.expect("finite").centre.norm().ln()
             });
             logs.sum::<f64>() / 20.0
         };
@@ -197,7 +196,7 @@ fn successes(
     half: f64,
     (parents, offspring): (usize, usize),
     min_step_size: f64,
-    function: impl Fn(&[f64; 10], u64) -> f64 + Sync,
+    function: impl Fn(&Vector, u64) -> f64 + Sync,
 ) -> u32 {
     let params = OptimiseParams {
         parents,
@@ -209,17 +208,15 @@ fn successes(
     };
     let reached = (0..u64::from(RUNS)).filter(|&seed| {
         let mut rng = generator(1000 + seed);
-        let optimum: [f64; 10] = std::array::from_fn(|_| rng.random_range(-shift..shift));
-        let fitness =
-            |_: usize, x: &[f64; 10]| -function(&std::array::from_fn(|i| x[i] - optimum[i]), seed);
+        let optimum = Vector::from_fn(|_, _| rng.random_range(-shift..shift));
+        let fitness = |_: usize, x: &Vector| -function(&(x - optimum), seed);
         let start = |run: usize| {
             let mut rng = stream(2000 + seed)(run, 0);
-            std::array::from_fn(|_| rng.random_range(-half..half))
+            Vector::from_fn(|_, _| rng.random_range(-half..half))
         };
-        let sizes = [half; 10];
+        let sizes = Vector::repeat(half);
         let found =
-            optimise_restarting(&Euclidean, start, &sizes, &fitness, &params, &stream(seed))
-                .expect("finite");
+            optimise_restarting(start, &sizes, &fitness, &params, &stream(seed)).expect("finite");
         assert!(found.evaluations <= 100_000);
         matches!(found.stop, OptimiseStop::Target { .. })
     });
@@ -230,7 +227,7 @@ fn successes(
 #[test]
 fn restarts_find_rosenbrocks_valley() {
     let count = successes(90.0, 100.0, (3, 12), 1e-6, |x, _| {
-        rosenbrock(&x.map(|v| v + 1.0))
+        rosenbrock(&x.add_scalar(1.0))
     });
     assert!(lower_limit(count, RUNS) > lower_limit(25, 25), "{count}");
 }
@@ -245,28 +242,24 @@ fn restarts_find_the_optimum_of_rastrigin() {
 /// Rotated besides: 23 of 25. Not below that rate at the level of 5 %.
 #[test]
 fn restarts_find_the_optimum_of_rotated_rastrigin() {
-    let rotations: Vec<[[f64; 10]; 10]> = (0..u64::from(RUNS)).map(rotation).collect();
+    let rotations: Vec<Rows> = (0..u64::from(RUNS)).map(rotation).collect();
     let count = successes(4.0, 5.0, (5, 20), 1e-4, |x, seed| {
-        let rows = &rotations[seed as usize];
-        let turned: [f64; 10] =
-            std::array::from_fn(|i| rows[i].iter().zip(x).map(|(r, v)| r * v).sum());
-        rastrigin(&turned)
+        rastrigin(&(rotations[seed as usize] * x))
     });
     assert!(binomial_below(count, RUNS, 23.0 / 25.0) > 0.05, "{count}");
 }
 
 /// Orthonormal rows by Gram-Schmidt on normal draws.
-fn rotation(seed: u64) -> [[f64; 10]; 10] {
+fn rotation(seed: u64) -> Rows {
     let mut rng = generator(3000 + seed);
-    let mut rows: [[f64; 10]; 10] = [[0.0; 10]; 10];
+    let mut rows = Rows::zeros();
     for i in 0..10 {
-        let mut row: [f64; 10] = std::array::from_fn(|_| StandardNormal.sample(&mut rng));
-        for earlier in &rows[..i] {
-            let along: f64 = row.iter().zip(earlier).map(|(a, b)| a * b).sum();
-            row = std::array::from_fn(|k| row[k] - along * earlier[k]);
+        let mut row = Vector::from_fn(|_, _| StandardNormal.sample(&mut rng));
+        for earlier in 0..i {
+            let earlier = rows.row(earlier).transpose();
+            row -= earlier * row.dot(&earlier);
         }
-        let length = norm(&row);
-        rows[i] = row.map(|v| v / length);
+        rows.set_row(i, &row.normalize().transpose());
     }
     rows
 }
@@ -285,12 +278,11 @@ fn a_larger_population_sees_through_rugged_functions() {
         };
         let reached = (0..30_u64).filter(|&seed| {
             let mut rng = generator(seed);
-            let start: [f64; 10] = std::array::from_fn(|_| rng.random_range(1.0..5.0));
-            let fitness = |_: usize, x: &[f64; 10]| -rastrigin(x);
+            let start = Vector::from_fn(|_, _| rng.random_range(1.0..5.0));
+            let fitness = |_: usize, x: &Vector| -rastrigin(x);
             let found = optimise(
-                &Euclidean,
                 &start,
-                &[2.0; 10],
+                &SVector::<f64, 10>::repeat(2.0),
                 &fitness,
                 &params,
                 &stream(seed),
@@ -312,13 +304,9 @@ fn a_larger_population_sees_through_rugged_functions() {
 fn each_shape_learns_what_it_can() {
     let scale = |i: usize| 1000_f64.powf(i as f64 / 9.0);
     let rows = rotation(7);
-    let separable = |_: usize, x: &[f64; 10]| -> f64 {
-        -(0..10).map(|i| (scale(i) * x[i]).powi(2)).sum::<f64>()
-    };
-    let rotated = |slot: usize, x: &[f64; 10]| {
-        let turned = std::array::from_fn(|i| rows[i].iter().zip(x).map(|(r, v)| r * v).sum());
-        separable(slot, &turned)
-    };
+    let separable =
+        |_: usize, x: &Vector| -> f64 { -(0..10).map(|i| (scale(i) * x[i]).powi(2)).sum::<f64>() };
+    let rotated = |slot: usize, x: &Vector| separable(slot, &(rows * x));
     let reaches = |adaptation, rotate: bool| {
         let params = OptimiseParams {
             adaptation,
@@ -326,7 +314,7 @@ fn each_shape_learns_what_it_can() {
             max_evaluations: 40_000,
             ..OptimiseParams::for_dimension(10)
         };
-        let fitness = |slot: usize, x: &[f64; 10]| {
+        let fitness = |slot: usize, x: &Vector| {
             if rotate {
                 rotated(slot, x)
             } else {
@@ -335,7 +323,11 @@ fn each_shape_learns_what_it_can() {
         };
         let streams = stream(5);
         let found = optimise(
-            &Euclidean, &[1.0; 10], &[1.0; 10], &fitness, &params, &streams,
+            &SVector::<f64, 10>::repeat(1.0),
+            &SVector::<f64, 10>::repeat(1.0),
+            &fitness,
+            &params,
+            &streams,
         )
         .unwrap();
         matches!(found.stop, OptimiseStop::Target { .. })
@@ -349,33 +341,32 @@ fn each_shape_learns_what_it_can() {
 #[test]
 fn a_pose_is_found_across_the_cut() {
     // Optimum at heading pi - 0.1, start at -pi + 0.5.
-    let goal = [3.0, -2.0, PI - 0.1];
-    let fitness = |_: usize, pose: &[f64; 3]| {
-        -(pose[0] - goal[0]).powi(2) - (pose[1] - goal[1]).powi(2) - wrap(pose[2] - goal[2]).powi(2)
+    let goal = Se2::new(3.0, -2.0, PI - 0.1);
+    let fitness = |_: usize, pose: &Se2| {
+        -(pose.x - goal.x).powi(2) - (pose.y - goal.y).powi(2) - wrap(pose.phi - goal.phi).powi(2)
     };
     let params = OptimiseParams {
         target: -1e-12,
         ..OptimiseParams::for_dimension(3)
     };
-    let start = [0.0, 0.0, 0.5 - PI];
-    let sizes = [1.0, 1.0, 0.3];
-    let found = optimise(&PlanarGroup, &start, &sizes, &fitness, &params, &stream(1)).unwrap();
+    let start = Se2::new(0.0, 0.0, 0.5 - PI);
+    let sizes = Vector3::new(1.0, 1.0, 0.3);
+    let found = optimise(&start, &sizes, &fitness, &params, &stream(1)).unwrap();
     assert!(
         matches!(found.stop, OptimiseStop::Target { .. }),
         "{found:?}"
     );
-    assert!(found.best[2].abs() <= PI);
+    assert!(found.best.phi.abs() <= PI);
     assert_eq!(fitness(0, &found.best), found.log_fitness);
 }
 
 #[test]
 fn every_stop_says_why() {
-    let run = |fitness: &(dyn Fn(usize, &[f64; 2]) -> f64 + Sync), params: OptimiseParams| {
-        let fitness = |slot: usize, x: &[f64; 2]| fitness(slot, x);
+    let run = |fitness: &(dyn Fn(usize, &Vector2<f64>) -> f64 + Sync), params: OptimiseParams| {
+        let fitness = |slot: usize, x: &Vector2<f64>| fitness(slot, x);
         optimise(
-            &Euclidean,
-            &[1.0; 2],
-            &[1.0; 2],
+            &SVector::<f64, 2>::repeat(1.0),
+            &SVector::<f64, 2>::repeat(1.0),
             &fitness,
             &params,
             &stream(1),
@@ -422,10 +413,17 @@ fn every_stop_says_why() {
 #[test]
 fn wrong_input_is_named() {
     let params = OptimiseParams::for_dimension(2);
-    let run = |sizes: [f64; 2], params: OptimiseParams| {
-        optimise(&Euclidean, &[1.0; 2], &sizes, &sphere, &params, &stream(1)).unwrap_err()
+    let run = |sizes: Vector2<f64>, params: OptimiseParams| {
+        optimise(
+            &SVector::<f64, 2>::repeat(1.0),
+            &sizes,
+            &sphere,
+            &params,
+            &stream(1),
+        )
+        .unwrap_err()
     };
-    let one = [1.0; 2];
+    let one = Vector2::repeat(1.0);
     assert_eq!(
         run(
             one,
@@ -462,7 +460,7 @@ fn wrong_input_is_named() {
         );
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let error = run([1.0, bad], params).to_string();
+        let error = run(Vector2::new(1.0, bad), params).to_string();
         assert_eq!(
             error,
             format!("step size of coordinate 1 must be finite and greater than 0, given {bad}")
@@ -488,8 +486,14 @@ fn wrong_input_is_named() {
     ));
 
     let with = |value: f64| {
-        let fitness = |slot: usize, _: &[f64; 2]| if slot >= 3 { value } else { 0.0 };
-        optimise(&Euclidean, &[1.0; 2], &one, &fitness, &params, &stream(1))
+        let fitness = |slot: usize, _: &Vector2<f64>| if slot >= 3 { value } else { 0.0 };
+        optimise(
+            &SVector::<f64, 2>::repeat(1.0),
+            &one,
+            &fitness,
+            &params,
+            &stream(1),
+        )
     };
     assert!(matches!(
         with(f64::NAN),
@@ -501,8 +505,15 @@ fn wrong_input_is_named() {
     ));
     // Some impossible ones are selected against, a whole generation of them is an error.
     assert!(with(f64::NEG_INFINITY).is_ok());
-    let never = |_: usize, _: &[f64; 2]| f64::NEG_INFINITY;
-    let error = optimise(&Euclidean, &[1.0; 2], &one, &never, &params, &stream(1)).unwrap_err();
+    let never = |_: usize, _: &Vector2<f64>| f64::NEG_INFINITY;
+    let error = optimise(
+        &SVector::<f64, 2>::repeat(1.0),
+        &one,
+        &never,
+        &params,
+        &stream(1),
+    )
+    .unwrap_err();
     assert_eq!(
         error,
         EvolveError::Impossible {

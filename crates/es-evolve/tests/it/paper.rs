@@ -4,15 +4,17 @@
 //! proportional to N(1, 1). Populations start as independent samples of the posterior, so a method that keeps it
 //! ends within a few standard errors of mean 0.5 and variance 0.5.
 
-mod support;
+use std::f64::consts::PI;
 
 use es_evolve::{
     EvolutionReport, EvolveError, MoveParams, PaperParams, StepFactors, StopReason, evolve_paper,
     resample_move,
 };
+use estimation_base::{Se2, wrap};
+use nalgebra::{ArrayStorage, Matrix1, Matrix3};
 use rand_distr::{Distribution, Normal};
-use std::f64::consts::PI;
-use support::{Line, PlanarGroup, check_mean, generator, stream, wrap};
+
+use crate::support::{check_mean, generator, stream};
 
 const SIZE: usize = 20_000;
 
@@ -40,12 +42,11 @@ fn rates(p_c: f64, p_m: f64) -> PaperParams {
 
 fn run(factor: f64, params: &PaperParams) -> (f64, f64, EvolutionReport) {
     let mut population = posterior_samples();
-    let factors = [[factor]];
+    let factor = Matrix1::new(factor);
     let report = evolve_paper(
-        &Line,
         &mut population,
         &likelihood,
-        StepFactors::Common(&factors),
+        StepFactors::Common(&factor),
         params,
         &stream(2),
     )
@@ -107,21 +108,13 @@ fn the_published_rates_do_not_keep_the_posterior_where_the_mover_does() {
 
     let mut population = posterior_samples();
     let target = |slot: usize, x: &f64| likelihood(slot, x) - 0.5 * x * x;
-    let factors = [[DEVIATION]];
+    let factor = Matrix1::new(DEVIATION);
     let params = MoveParams {
         steps: 8,
         ..MoveParams::default()
     };
-    let factors = StepFactors::Common(&factors);
-    resample_move(
-        &Line,
-        &mut population,
-        &target,
-        factors,
-        &params,
-        &stream(3),
-    )
-    .unwrap();
+    let factors = StepFactors::Common(&factor);
+    resample_move(&mut population, &target, factors, &params, &stream(3)).unwrap();
     check_mean("mover", &population, 0.5, 0.5);
     let squares: Vec<f64> = population.iter().map(|x| (x - 0.5).powi(2)).collect();
     check_mean("mover, square", &squares, 0.5, 0.5);
@@ -142,10 +135,9 @@ fn a_child_is_judged_against_the_better_parent() {
     let mut accepted = Vec::new();
     for pair in 0..4000 {
         let mut population = [0.0, 1.0];
-        let factors = StepFactors::Common(&[[0.0]]);
+        let factors = StepFactors::Common(&const { Matrix1::new(0.0) });
         let streams = stream(100 + pair);
-        let report =
-            evolve_paper(&Line, &mut population, &fitness, factors, &params, &streams).unwrap();
+        let report = evolve_paper(&mut population, &fitness, factors, &params, &streams).unwrap();
         assert_eq!(report.proposed_crossovers, 2);
         accepted.push(report.accepted_crossovers as f64 / 2.0);
     }
@@ -159,9 +151,9 @@ fn blends_without_noise_keep_the_sum_of_the_parents() {
     let start: Vec<f64> = (0..100).map(f64::from).collect();
     let mut population = start.clone();
     let flat = |_: usize, _: &f64| 0.0;
-    let factors = StepFactors::Common(&[[0.0]]);
+    let factors = StepFactors::Common(&const { Matrix1::new(0.0) });
     let params = rates(1.0, 0.0);
-    let report = evolve_paper(&Line, &mut population, &flat, factors, &params, &stream(4)).unwrap();
+    let report = evolve_paper(&mut population, &flat, factors, &params, &stream(4)).unwrap();
     assert_eq!(report.accepted_crossovers, 800);
     let sum: f64 = population.iter().sum();
     // 800 blends of values below 100.
@@ -174,26 +166,19 @@ fn blends_without_noise_keep_the_sum_of_the_parents() {
 fn headings_blend_across_the_cut() {
     // Half the population at +179 degrees, half at -179: every blend lies within a degree of the cut.
     let degree = PI / 180.0;
-    let mut population: Vec<[f64; 3]> = (0..50)
-        .map(|i| [0.0, 0.0, if i % 2 == 0 { PI - degree } else { degree - PI }])
+    let mut population: Vec<Se2> = (0..50)
+        .map(|i| Se2::new(0.0, 0.0, if i % 2 == 0 { PI - degree } else { degree - PI }))
         .collect();
-    let flat = |_: usize, _: &[f64; 3]| 0.0;
-    let factors = StepFactors::Common(&[[0.0; 3]; 3]);
+    let flat = |_: usize, _: &Se2| 0.0;
+    let factors =
+        StepFactors::Common(&const { Matrix3::from_array_storage(ArrayStorage([[0.0; 3]; 3])) });
     let params = rates(1.0, 0.0);
-    evolve_paper(
-        &PlanarGroup,
-        &mut population,
-        &flat,
-        factors,
-        &params,
-        &stream(5),
-    )
-    .unwrap();
+    evolve_paper(&mut population, &flat, factors, &params, &stream(5)).unwrap();
     for pose in &population {
         assert!(
-            wrap(pose[2] - PI).abs() <= degree * (1.0 + 1e-9),
+            wrap(pose.phi - PI).abs() <= degree * (1.0 + 1e-9),
             "{}",
-            pose[2]
+            pose.phi
         );
     }
 }
@@ -204,13 +189,12 @@ fn equal_fitness_uses_the_first_rates() {
     for value in [0.0, -1e4, f64::NEG_INFINITY] {
         let mut population = vec![0.0; 5000];
         let flat = |_: usize, _: &f64| value;
-        let factors = StepFactors::Common(&[[1.0]]);
+        let factors = StepFactors::Common(&const { Matrix1::new(1.0) });
         let params = PaperParams {
             steps: 1,
             ..PaperParams::default()
         };
-        let report =
-            evolve_paper(&Line, &mut population, &flat, factors, &params, &stream(6)).unwrap();
+        let report = evolve_paper(&mut population, &flat, factors, &params, &stream(6)).unwrap();
         let near = |count: f64, trials: f64, p: f64| {
             let bound = 4.0 * (p * (1.0 - p) / trials).sqrt();
             assert!(
@@ -230,17 +214,9 @@ fn a_shift_of_the_log_fitness_changes_nothing() {
         let mut population = posterior_samples();
         population.truncate(500);
         let fitness = |slot: usize, x: &f64| likelihood(slot, x) + shift;
-        let factors = StepFactors::Common(&[[0.3]]);
+        let factors = StepFactors::Common(&const { Matrix1::new(0.3) });
         let params = PaperParams::default();
-        evolve_paper(
-            &Line,
-            &mut population,
-            &fitness,
-            factors,
-            &params,
-            &stream(7),
-        )
-        .unwrap();
+        evolve_paper(&mut population, &fitness, factors, &params, &stream(7)).unwrap();
         population
     };
     let plain = run(0.0);
@@ -252,22 +228,14 @@ fn a_shift_of_the_log_fitness_changes_nothing() {
 #[test]
 fn budgets_end_a_run_between_phases() {
     let mut population = vec![0.25; 10];
-    let factors = StepFactors::Common(&[[1.0]]);
+    let factors = StepFactors::Common(&const { Matrix1::new(1.0) });
     let with = |max_evaluations| PaperParams {
         max_evaluations,
         ..rates(1.0, 0.0)
     };
     let mut run = |max_evaluations| {
         let params = with(max_evaluations);
-        evolve_paper(
-            &Line,
-            &mut population,
-            &likelihood,
-            factors,
-            &params,
-            &stream(8),
-        )
-        .unwrap()
+        evolve_paper(&mut population, &likelihood, factors, &params, &stream(8)).unwrap()
     };
     let report = run(10);
     assert_eq!((report.evaluations, report.log_fitness.len()), (10, 10));
@@ -289,9 +257,9 @@ fn budgets_end_a_run_between_phases() {
 
 #[test]
 fn wrong_input_is_named() {
-    let factors = StepFactors::Common(&[[1.0]]);
+    let factors = StepFactors::Common(&const { Matrix1::new(1.0) });
     let run = |population: &mut [f64], params: &PaperParams| {
-        evolve_paper(&Line, population, &likelihood, factors, params, &stream(9))
+        evolve_paper(population, &likelihood, factors, params, &stream(9))
     };
     let error = run(&mut [], &PaperParams::default()).unwrap_err();
     assert_eq!(error, EvolveError::EmptyPopulation);
@@ -309,7 +277,7 @@ fn wrong_input_is_named() {
         jitter_scale: -1.0,
         ..MoveParams::default()
     };
-    let moved = resample_move(&Line, &mut [0.0], &likelihood, factors, &bad, &stream(9));
+    let moved = resample_move(&mut [0.0], &likelihood, factors, &bad, &stream(9));
     assert_eq!(
         moved.unwrap_err().to_string(),
         "jitter_scale must be finite and at least 0, given -1"
@@ -319,14 +287,7 @@ fn wrong_input_is_named() {
             max_evaluations,
             ..MoveParams::default()
         };
-        let moved = resample_move(
-            &Line,
-            &mut [0.0; 2],
-            &likelihood,
-            factors,
-            &poor,
-            &stream(9),
-        );
+        let moved = resample_move(&mut [0.0; 2], &likelihood, factors, &poor, &stream(9));
         assert_eq!(
             moved.unwrap_err().to_string(),
             format!("at least 2 evaluations are required, {max_evaluations} allowed")
@@ -335,14 +296,7 @@ fn wrong_input_is_named() {
     // A fitness that turns NaN only where a child lands.
     let cliff = |_: usize, x: &f64| if *x == 0.0 { 0.0 } else { f64::NAN };
     let params = MoveParams::default();
-    let moved = resample_move(
-        &Line,
-        &mut [0.0, 0.0, 0.0],
-        &cliff,
-        factors,
-        &params,
-        &stream(9),
-    );
+    let moved = resample_move(&mut [0.0, 0.0, 0.0], &cliff, factors, &params, &stream(9));
     assert!(matches!(
         moved,
         Err(EvolveError::LogFitness { slot: 0, .. })
@@ -354,20 +308,20 @@ fn wrong_input_is_named() {
 fn after_an_error_the_population_is_what_it_was() {
     let start: Vec<f64> = (0..20).map(|i| 0.01 * f64::from(i)).collect();
     let cliff = |_: usize, x: &f64| if *x < 2.5 { *x } else { f64::NAN };
-    let factors = StepFactors::Common(&[[0.3]]);
+    let factors = StepFactors::Common(&const { Matrix1::new(0.3) });
     let mut moved = start.clone();
     let params = MoveParams {
         steps: 100,
         ..MoveParams::default()
     };
-    let error = resample_move(&Line, &mut moved, &cliff, factors, &params, &stream(10));
+    let error = resample_move(&mut moved, &cliff, factors, &params, &stream(10));
     assert!(error.is_err());
     assert_eq!(moved, start);
     let params = PaperParams {
         steps: 1000,
         ..PaperParams::default()
     };
-    let error = evolve_paper(&Line, &mut moved, &cliff, factors, &params, &stream(10));
+    let error = evolve_paper(&mut moved, &cliff, factors, &params, &stream(10));
     assert!(error.is_err());
     assert_eq!(moved, start);
 }

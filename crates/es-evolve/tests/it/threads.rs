@@ -1,47 +1,42 @@
 //! Populations do not depend on the number of threads.
-#![cfg(feature = "parallel")]
 
 use es_evolve::{
-    Euclidean, EvolutionReport, MoveParams, OptimiseParams, PaperParams, StepAdaptation,
-    StepFactors, evolve_paper, optimise_restarting, resample_move,
+    EvolutionReport, MoveParams, OptimiseParams, PaperParams, StepAdaptation, StepFactors,
+    evolve_paper, optimise_restarting, resample_move,
 };
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use nalgebra::{Matrix2, Vector2, Vector3};
 
-fn stream(step: usize, slot: usize) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
-    rng.set_stream((step as u64) << 32 | slot as u64);
-    rng
-}
+use crate::support;
 
 #[test]
 fn populations_do_not_depend_on_the_number_of_threads() {
     // A curved target that differs from slot to slot.
-    let fitness = |slot: usize, x: &[f64; 2]| {
+    let fitness = |slot: usize, x: &Vector2<f64>| {
         let centre = 0.01 * slot as f64;
         -(x[0] - centre).powi(2) - 3.0 * (x[1] - x[0] * x[0]).powi(2)
     };
-    let start: Vec<[f64; 2]> = (0..101).map(|i| [0.02 * f64::from(i), 0.5]).collect();
-    let factor = [[0.5, 0.0], [0.2, 0.3]];
-    let run = |threads: usize| -> [(Vec<[f64; 2]>, EvolutionReport); 2] {
+    let start: Vec<Vector2<f64>> = (0..101)
+        .map(|i| Vector2::new(0.02 * f64::from(i), 0.5))
+        .collect();
+    let factor = Matrix2::new(0.5, 0.0, 0.2, 0.3);
+    let run = |threads: usize| -> [(Vec<Vector2<f64>>, EvolutionReport); 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
             let factors = StepFactors::Common(&factor);
             let mut published = start.clone();
             let params = PaperParams::default();
             let paper = evolve_paper(
-                &Euclidean,
                 &mut published,
                 &fitness,
                 factors,
                 &params,
-                &stream,
+                &support::stream(3),
             )
             .unwrap();
             let mut moved = start.clone();
             let params = MoveParams::default();
             let mover =
-                resample_move(&Euclidean, &mut moved, &fitness, factors, &params, &stream).unwrap();
+                resample_move(&mut moved, &fitness, factors, &params, &support::stream(3)).unwrap();
             [(published, paper), (moved, mover)]
         })
     };
@@ -61,7 +56,7 @@ fn populations_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn optima_do_not_depend_on_the_number_of_threads() {
-    let fitness = |_: usize, x: &[f64; 3]| {
+    let fitness = |_: usize, x: &Vector3<f64>| {
         -x.iter()
             .map(|v| v * v + 10.0 * (1.0 - (6.0 * v).cos()))
             .sum::<f64>()
@@ -79,9 +74,9 @@ fn optima_do_not_depend_on_the_number_of_threads() {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.unwrap().install(|| {
-                let start = |run: usize| [2.0, -3.0, run as f64];
-                let sizes = [1.0, 2.0, 0.5];
-                optimise_restarting(&Euclidean, start, &sizes, &fitness, &params, &stream).unwrap()
+                let start = |run: usize| Vector3::new(2.0, -3.0, run as f64);
+                let sizes = Vector3::new(1.0, 2.0, 0.5);
+                optimise_restarting(start, &sizes, &fitness, &params, &support::stream(3)).unwrap()
             })
         };
         let alone = run(1);

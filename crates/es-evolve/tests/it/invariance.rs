@@ -4,13 +4,13 @@
 //! the slots are independent samples still, and the standard errors of their statistics are the textbook ones. All bounds are
 //! four standard errors. Starts far from the target show that the moves do move.
 
-mod support;
-
-use es_evolve::{Euclidean, MoveParams, StepFactors, resample_move};
-use nalgebra::{Matrix3, Vector3};
+use es_evolve::{MoveParams, StepFactors, resample_move};
+use estimation_base::{Se2, wrap};
+use nalgebra::{Matrix1, Matrix3, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, Normal, StandardNormal};
-use support::{Line, PlanarGroup, check_mean, generator, stream, wrap};
+
+use crate::support::{check_mean, generator, stream};
 
 /// Shares of crossover that exercise mutation alone, the mixture (at 2e5 samples), and crossover alone, with the
 /// sizes of their populations.
@@ -32,9 +32,8 @@ fn a_gaussian_stays_whatever_the_operators() {
     for (share, size) in CASES {
         let start: Vec<f64> = normal.sample_iter(&mut generator(1)).take(size).collect();
         let mut population = start.clone();
-        let factor = [[deviation]];
+        let factor = Matrix1::new(deviation);
         let report = resample_move(
-            &Line,
             &mut population,
             &target,
             StepFactors::Common(&factor),
@@ -72,9 +71,10 @@ fn each_slot_keeps_its_own_target() {
                 mean + deviation * z
             })
             .collect();
-        let factors: Vec<[[f64; 1]; 1]> = (0..size).map(|slot| [[moments(slot).1]]).collect();
+        let factors: Vec<_> = (0..size)
+            .map(|slot| Matrix1::new(moments(slot).1))
+            .collect();
         resample_move(
-            &Line,
             &mut population,
             &target,
             StepFactors::PerSlot(&factors),
@@ -98,14 +98,13 @@ fn a_correlated_gaussian_stays_and_is_reached_from_copies() {
     // Correlation 0.95 between the first two, scales a hundredfold apart.
     let covariance = Matrix3::new(1.0, 0.19, 0.001, 0.19, 0.04, 0.0004, 0.001, 0.0004, 1e-4);
     let factor = covariance.cholesky().unwrap().l();
-    let whiten = move |x: &[f64; 3]| -> Vector3<f64> {
+    let whiten = move |x: &Vector3<f64>| -> Vector3<f64> {
         factor
-            .solve_lower_triangular(&(Vector3::from(*x) - mean))
+            .solve_lower_triangular(&(x - mean))
             .expect("the diagonal is positive")
     };
-    let target = |_: usize, x: &[f64; 3]| -0.5 * whiten(x).norm_squared();
-    let rows: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| factor[(r, c)]));
-    let check = |name: &str, population: &[[f64; 3]]| {
+    let target = |_: usize, x: &Vector3<f64>| -0.5 * whiten(x).norm_squared();
+    let check = |name: &str, population: &[Vector3<f64>]| {
         let white: Vec<Vector3<f64>> = population.iter().map(whiten).collect();
         for i in 0..3 {
             let component: Vec<f64> = white.iter().map(|w| w[i]).collect();
@@ -117,30 +116,21 @@ fn a_correlated_gaussian_stays_and_is_reached_from_copies() {
     };
     for (share, size) in CASES {
         let mut rng = generator(5);
-        let mut population: Vec<[f64; 3]> = (0..size)
+        let mut population: Vec<Vector3<f64>> = (0..size)
             .map(|_| {
                 let z = Vector3::from_fn(|_, _| StandardNormal.sample(&mut rng));
-                (mean + factor * z).into()
+                mean + factor * z
             })
             .collect();
         let moved = params(4, share);
-        let factors = StepFactors::Common(&rows);
-        resample_move(
-            &Euclidean,
-            &mut population,
-            &target,
-            factors,
-            &moved,
-            &stream(6),
-        )
-        .unwrap();
+        let factors = StepFactors::Common(&factor);
+        resample_move(&mut population, &target, factors, &moved, &stream(6)).unwrap();
         check(&format!("share {share}"), &population);
     }
     // From copies of one point: the chains mix in about ten steps, after a hundred the start is forgotten.
-    let mut population = vec![[1.5, -1.9, 0.5]; 2500];
-    let factors = StepFactors::Common(&rows);
+    let mut population = vec![Vector3::new(1.5, -1.9, 0.5); 2500];
+    let factors = StepFactors::Common(&factor);
     resample_move(
-        &Euclidean,
         &mut population,
         &target,
         factors,
@@ -157,16 +147,16 @@ fn a_pose_on_the_circle_stays() {
     // a point seen from the pose, so position and heading depend on each other.
     let (centre, concentration) = (3.0, 2.0);
     let (offset, deviation) = ([2.0, -1.0], [0.3, 0.1]);
-    let body = move |pose: &[f64; 3]| {
-        let (sin, cos) = pose[2].sin_cos();
+    let body = move |pose: &Se2| {
+        let (sin, cos) = pose.phi.sin_cos();
         [
-            (cos * pose[0] + sin * pose[1] - offset[0]) / deviation[0],
-            (-sin * pose[0] + cos * pose[1] - offset[1]) / deviation[1],
+            (cos * pose.x + sin * pose.y - offset[0]) / deviation[0],
+            (-sin * pose.x + cos * pose.y - offset[1]) / deviation[1],
         ]
     };
-    let target = move |_: usize, pose: &[f64; 3]| {
+    let target = move |_: usize, pose: &Se2| {
         let [u, v] = body(pose);
-        concentration * (pose[2] - centre).cos() - 0.5 * (u * u + v * v)
+        concentration * (pose.phi - centre).cos() - 0.5 * (u * u + v * v)
     };
     // Moments of the von Mises distribution by the trapezoidal rule, exact to rounding for periodic integrands.
     let moment = |f: &dyn Fn(f64) -> f64| -> f64 {
@@ -187,7 +177,7 @@ fn a_pose_on_the_circle_stays() {
 
     for (share, size) in CASES {
         let mut rng = generator(8);
-        let mut population: Vec<[f64; 3]> = (0..size)
+        let mut population: Vec<Se2> = (0..size)
             .map(|_| {
                 let turn = loop {
                     let angle: f64 = rng.random_range(-std::f64::consts::PI..std::f64::consts::PI);
@@ -199,12 +189,11 @@ fn a_pose_on_the_circle_stays() {
                 let (sin, cos) = heading.sin_cos();
                 let z: [f64; 2] = std::array::from_fn(|_| StandardNormal.sample(&mut rng));
                 let [u, v] = std::array::from_fn(|i| offset[i] + deviation[i] * z[i]);
-                [cos * u - sin * v, sin * u + cos * v, heading]
+                Se2::new(cos * u - sin * v, sin * u + cos * v, heading)
             })
             .collect();
-        let factor = [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.1, 0.4]];
+        let factor = Matrix3::new(0.3, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.1, 0.4);
         let report = resample_move(
-            &PlanarGroup,
             &mut population,
             &target,
             StepFactors::Common(&factor),
@@ -220,11 +209,11 @@ fn a_pose_on_the_circle_stays() {
         assert!(
             population
                 .iter()
-                .all(|pose| pose[2].abs() <= std::f64::consts::PI)
+                .all(|pose| pose.phi.abs() <= std::f64::consts::PI)
         );
         let turns: Vec<f64> = population
             .iter()
-            .map(|pose| wrap(pose[2] - centre))
+            .map(|pose| wrap(pose.phi - centre))
             .collect();
         let statistic = |f: &dyn Fn(f64) -> f64| turns.iter().map(|&t| f(t)).collect::<Vec<_>>();
         check_mean("cos", &statistic(&f64::cos), mean_cos, variance_cos);
@@ -272,10 +261,9 @@ fn tiny_populations_stay_and_mutate_where_they_cannot_cross() {
             let mut population: Vec<f64> =
                 (0..size).map(|_| StandardNormal.sample(&mut rng)).collect();
             let report = resample_move(
-                &Line,
                 &mut population,
                 &target,
-                StepFactors::Common(&[[1.0]]),
+                StepFactors::Common(&const { Matrix1::new(1.0) }),
                 &params(4, 1.0),
                 &stream(1000 + population_number),
             )
@@ -310,10 +298,9 @@ fn an_impossible_region_stays_empty_and_an_impossible_start_is_left() {
     };
     let mut population = vec![-0.5; 4000];
     let report = resample_move(
-        &Line,
         &mut population,
         &target,
-        StepFactors::Common(&[[1.0]]),
+        StepFactors::Common(&const { Matrix1::new(1.0) }),
         &params(60, 0.5),
         &stream(11),
     )

@@ -3,12 +3,13 @@
 //! Every case starts from independent samples of the target, so a correct move ends within four standard errors. The
 //! right form is run beside the wrong one.
 
-mod support;
-
-use es_evolve::{AdaptiveRates, MoveParams, PaperParams, Space, StepFactors, resample_move};
+use es_evolve::{Manifold, MoveParams, StepFactors, resample_move};
+use estimation_base::Se2;
+use nalgebra::{Matrix1, Matrix3, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
-use support::{Line, PlanarGroup, check_mean, generator, stream, wrap};
+
+use crate::support::{check_mean, generator, stream};
 
 fn standard(x: f64) -> f64 {
     -0.5 * x * x
@@ -63,41 +64,12 @@ fn the_slot_itself_among_the_partners_moves_the_target() {
         ..MoveParams::default()
     };
     for (number, population) in right.chunks_exact_mut(size).enumerate() {
-        let factors = StepFactors::Common(&[[1.0]]);
+        let factors = StepFactors::Common(&const { Matrix1::new(1.0) });
         let streams = stream(10_000 + number as u64);
-        resample_move(&Line, population, &target, factors, &params, &streams).unwrap();
+        resample_move(population, &target, factors, &params, &streams).unwrap();
     }
     let errors = errors_of_the_square(&right);
     assert!(errors.abs() < 4.0, "{errors}");
-}
-
-/// Eq. 19 inside a move: whether a slot proposes depends on its fitness, and the rate of the way back is left out of the ratio.
-#[test]
-fn rates_that_follow_the_fitness_move_the_target() {
-    let mut population = normals(20_000, 3);
-    let mut rng = generator(4);
-    for _ in 0..8 {
-        let values: Vec<f64> = population.iter().map(|&x| standard(x)).collect();
-        let params = PaperParams {
-            p_m1: 1.0,
-            p_m2: 0.1,
-            ..PaperParams::default()
-        };
-        let rates = AdaptiveRates::new(&params, &values);
-        for (x, value) in population.iter_mut().zip(values) {
-            if rng.random::<f64>() >= rates.mutation(value) {
-                continue;
-            }
-            let normal: f64 = StandardNormal.sample(&mut rng);
-            let child = *x + 2.38 * normal;
-            if rng.random::<f64>() < (standard(child) - value).exp() {
-                *x = child;
-            }
-        }
-    }
-    let errors = errors_of_the_square(&population);
-    // -15.4 measured.
-    assert!(errors.abs() > 8.0, "{errors}");
 }
 
 /// The likelihood alone as target, prior N(0, 1) and one observation z = 1 of unit noise left out: the mover keeps what it
@@ -111,46 +83,36 @@ fn a_target_without_the_prior_is_another_one() {
             .map(|z| 0.5 + 0.5_f64.sqrt() * z)
             .collect()
     };
-    let factors = StepFactors::Common(&[[0.7]]);
+    let factors = StepFactors::Common(&const { Matrix1::new(0.7) });
     let params = MoveParams {
         steps: 30,
         ..MoveParams::default()
     };
     let mut wrong = start();
     let likelihood = |_: usize, x: &f64| standard(1.0 - x);
-    resample_move(&Line, &mut wrong, &likelihood, factors, &params, &stream(6)).unwrap();
+    resample_move(&mut wrong, &likelihood, factors, &params, &stream(6)).unwrap();
     let mean = wrong.iter().sum::<f64>() / size as f64;
     assert!((mean - 0.5) / (0.5 / size as f64).sqrt() > 50.0, "{mean}");
     check_mean("likelihood", &wrong, 1.0, 1.0);
     let mut right = start();
     let target = |_: usize, x: &f64| standard(1.0 - x) + standard(*x);
-    resample_move(&Line, &mut right, &target, factors, &params, &stream(6)).unwrap();
+    resample_move(&mut right, &target, factors, &params, &stream(6)).unwrap();
     check_mean("posterior", &right, 0.5, 0.5);
 }
 
 /// Translation in body axes and a separate turn: the backward step is read in other axes than the forward one.
-struct BodyAxes;
+#[derive(Clone)]
+struct BodyAxes(Se2);
 
-impl Space<3> for BodyAxes {
-    type Genome = [f64; 3];
-
-    fn retract(&self, at: &[f64; 3], step: &[f64; 3]) -> [f64; 3] {
-        let (sin, cos) = at[2].sin_cos();
-        [
-            at[0] + cos * step[0] - sin * step[1],
-            at[1] + sin * step[0] + cos * step[1],
-            wrap(at[2] + step[2]),
-        ]
+impl Manifold<3> for BodyAxes {
+    fn retract(&self, step: &Vector3<f64>) -> Self {
+        let moved = self.0.act(&step.xy());
+        Self(Se2::new(moved.x, moved.y, self.0.phi + step.z))
     }
 
-    fn local(&self, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
-        let (sin, cos) = from[2].sin_cos();
-        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        [
-            cos * dx + sin * dy,
-            -sin * dx + cos * dy,
-            wrap(to[2] - from[2]),
-        ]
+    fn local(&self, other: &Self) -> Vector3<f64> {
+        let between = self.0.between(&other.0);
+        Vector3::new(between.x, between.y, between.phi)
     }
 }
 
@@ -158,50 +120,44 @@ impl Space<3> for BodyAxes {
 #[test]
 fn a_space_whose_steps_are_not_undone_moves_the_target() {
     let deviations = [1.0, 0.1, 0.5];
-    let target = |_: usize, pose: &[f64; 3]| -> f64 {
-        (0..3).map(|i| standard(pose[i] / deviations[i])).sum()
+    let standardised = |pose: &Se2| {
+        let Se2 { x, y, phi } = *pose;
+        [x / deviations[0], y / deviations[1], phi / deviations[2]]
     };
+    let target = |pose: &Se2| -> f64 { standardised(pose).map(standard).iter().sum() };
     let size = 20_000;
-    let start: Vec<[f64; 3]> = normals(3 * size, 7)
+    let start: Vec<Se2> = normals(3 * size, 7)
         .chunks_exact(3)
-        .map(|z| std::array::from_fn(|i| deviations[i] * z[i]))
+        .map(|z| {
+            Se2::new(
+                deviations[0] * z[0],
+                deviations[1] * z[1],
+                deviations[2] * z[2],
+            )
+        })
         .collect();
-    let factor = [[0.5, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.5]];
+    let factor = Matrix3::from_diagonal(&Vector3::new(0.5, 0.02, 0.5));
     let params = MoveParams {
         steps: 10,
         crossover_share: 0.0,
         ..MoveParams::default()
     };
-    let errors = |population: &[[f64; 3]]| -> [f64; 3] {
+    let errors = |population: &[Se2]| -> [f64; 3] {
         std::array::from_fn(|i| {
-            let standardised: Vec<f64> = population
-                .iter()
-                .map(|pose| pose[i] / deviations[i])
-                .collect();
-            errors_of_the_square(&standardised)
+            let component: Vec<f64> = population.iter().map(|p| standardised(p)[i]).collect();
+            errors_of_the_square(&component)
         })
     };
     let factors = StepFactors::Common(&factor);
     let mut right = start.clone();
-    resample_move(
-        &PlanarGroup,
-        &mut right,
-        &target,
-        factors,
-        &params,
-        &stream(8),
-    )
-    .unwrap();
-    assert!(
-        errors(&right).iter().all(|e| e.abs() < 4.0),
-        "{:?}",
-        errors(&right)
-    );
-    let mut wrong = start;
-    resample_move(&BodyAxes, &mut wrong, &target, factors, &params, &stream(8)).unwrap();
-    assert!(
-        errors(&wrong).iter().any(|e| e.abs() > 8.0),
-        "{:?}",
-        errors(&wrong)
-    );
+    let on_group = |_: usize, pose: &Se2| target(pose);
+    resample_move(&mut right, &on_group, factors, &params, &stream(8)).unwrap();
+    let right = errors(&right);
+    assert!(right.iter().all(|e| e.abs() < 4.0), "{right:?}");
+    let mut wrong: Vec<BodyAxes> = start.into_iter().map(BodyAxes).collect();
+    let in_body_axes = |_: usize, pose: &BodyAxes| target(&pose.0);
+    resample_move(&mut wrong, &in_body_axes, factors, &params, &stream(8)).unwrap();
+    let wrong: Vec<Se2> = wrong.into_iter().map(|pose| pose.0).collect();
+    let wrong = errors(&wrong);
+    assert!(wrong.iter().any(|e| e.abs() > 8.0), "{wrong:?}");
 }

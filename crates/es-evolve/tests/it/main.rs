@@ -1,0 +1,9 @@
+//! Integration tests of the crate, one binary.
+
+mod invariance;
+mod optimise;
+mod paper;
+mod support;
+#[cfg(feature = "parallel")]
+mod threads;
+mod wrong_forms;
