@@ -53,7 +53,7 @@ fn two_nearest(criterion: &mut Criterion) {
         let (descriptors, queries) = data(entries);
         for level in SimdLevel::available() {
             let scan = fill(ExactScan::with_level(level), &descriptors);
-            let name = format!("scan_{}", level);
+            let name = format!("scan_{level}");
             run(&mut group, &name, entries, &scan, &queries);
         }
         let scan = fill(ExactScan::new(), &descriptors);

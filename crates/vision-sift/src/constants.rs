@@ -66,6 +66,10 @@ pub(crate) const DESCRIPTOR_CLIP: f32 = 0.2;
 /// Descriptor: unit vector to bytes, values above 255 saturate. As OpenCV.
 pub(crate) const DESCRIPTOR_BYTE_SCALE: f32 = 512.0;
 
+/// Columns of the widest window over all parameters: a descriptor at scale 12.1 (`base_sigma` 4, one scale an octave,
+/// refined 0.6 levels up), turned by 45 degrees, reaches `2.5 * 3 * 12.1 * sqrt(2) = 129` samples each way.
+pub(crate) const MAX_WINDOW_COLUMNS: usize = 272;
+
 /// Odd polynomial of the arctangent on `[0, 1]`: the coefficients of `q, q^3, ... q^11`.
 pub(crate) type Arctangent = [f32; 6];
 

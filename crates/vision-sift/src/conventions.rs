@@ -1,7 +1,7 @@
 //! What the paper leaves open and implementations of SIFT decide differently, as named switches.
 //!
 //! [`Conventions::default`] is this crate's own choice; [`Conventions::opencv`] and [`Conventions::opencv_precise`] are
-//! those of OpenCV 5.0.0's `SIFT_create()` on a CPU, checked against its output (`tests/opencv_mode.rs`).
+//! those of OpenCV 5.0.0's `SIFT_create()` on a CPU, checked against its output (`tests/it/opencv_mode.rs`).
 //!
 //! | switch | own | OpenCV | stage |
 //! |---|---|---|---|

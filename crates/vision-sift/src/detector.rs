@@ -1,7 +1,7 @@
 //! The stages in order: pyramid, extrema, refinement, orientation, descriptor.
 //!
-//! [`Detector`] is immutable and may be shared; [`Workspace`] holds all scratch memory and belongs to one caller at a
-//! time. After the first image of a size nothing is allocated except when more keypoints turn up than ever before.
+//! [`Detector`] is immutable and may be shared between threads; [`Workspace`] holds all working memory and belongs to one
+//! caller at a time.
 //!
 //! Features come octave by octave from fine to coarse, within an octave by level, row and column of the sample, then by
 //! orientation. The order and every value are the same on any number of threads.
@@ -12,114 +12,27 @@ use crate::constants::{DESCRIPTOR_LENGTH, PREFILTER_SHARE};
 use crate::descriptor::{self, Frame, Style, describe};
 use crate::error::SiftError;
 use crate::extrema;
+use crate::features::{Features, Keypoint};
 use crate::gradient::prefetch_window;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::Kernels;
 use crate::orientation::{self, OrientationWindow, Orientations, orientations};
 use crate::params::SiftParams;
-use crate::points::{Sample, ScalePoint};
 use crate::refine::{Acceptance, refine};
 use crate::scale_space::ScaleSpace;
+use crate::strongest::keep_strongest;
 use crate::threads::{for_each_indexed, for_each_with_scratch};
+use crate::workspace::{OctavePoint, OrientedPoint, RowBlock, Workspace};
 
-/// Rows of one parallel task of the extremum search.
+/// Rows that one parallel task of the extremum search takes.
 const BLOCK_ROWS: usize = 32;
 
-/// A keypoint with one orientation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Keypoint {
-    /// Column in input pixels; 0 is the centre of the leftmost pixel.
-    pub x: f32,
-    /// Row in input pixels; 0 is the centre of the topmost pixel.
-    pub y: f32,
-    /// Scale in input pixels: the standard deviation of the Gaussian at which the keypoint was found.
-    pub sigma: f32,
-    /// Orientation in radians, `[0, 2 pi)`, from the x axis towards the y axis (clockwise as seen).
-    pub angle: f32,
-    /// `|D|` at the refined extremum, grey values in `[0, 1]`.
-    pub response: f32,
-}
-
-/// Keypoints and their descriptors, index by index.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Features {
-    /// One entry per keypoint and orientation.
-    pub keypoints: Vec<Keypoint>,
-    /// `descriptors[i]` belongs to `keypoints[i]`; as many.
-    pub descriptors: Vec<[u8; DESCRIPTOR_LENGTH]>,
-}
-
-/// Scratch memory of [`Detector::detect`], reused from image to image.
-#[derive(Debug, Clone, Default)]
-pub struct Workspace {
-    scale_space: ScaleSpace,
-    blocks: Vec<RowBlock>,
-    points: Vec<OctavePoint>,
-    orientations: Vec<Orientations>,
-    oriented: Vec<OrientedPoint>,
-}
-
-impl Workspace {
-    /// An empty workspace; the first image sizes it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Bytes held on the heap.
-    #[must_use]
-    pub fn memory_usage(&self) -> usize {
-        self.scale_space.memory_usage()
-            + self.blocks.capacity() * size_of::<RowBlock>()
-            + self
-                .blocks
-                .iter()
-                .map(RowBlock::memory_usage)
-                .sum::<usize>()
-            + self.points.capacity() * size_of::<OctavePoint>()
-            + self.orientations.capacity() * size_of::<Orientations>()
-            + self.oriented.capacity() * size_of::<OrientedPoint>()
-    }
-}
-
-/// What one parallel task of the extremum search works on.
-#[derive(Debug, Clone, Default)]
-struct RowBlock {
-    scratch: Vec<f32>,
-    candidates: Vec<Sample>,
-    points: Vec<ScalePoint>,
-}
-
-impl RowBlock {
-    fn memory_usage(&self) -> usize {
-        self.scratch.capacity() * size_of::<f32>()
-            + self.candidates.capacity() * size_of::<Sample>()
-            + self.points.capacity() * size_of::<ScalePoint>()
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct OctavePoint {
-    octave: usize,
-    point: ScalePoint,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct OrientedPoint {
-    /// Index into the points.
-    index: usize,
-    /// Which orientation of the point.
-    rank: usize,
-    angle: f32,
-    response: f32,
-}
-
-/// The stages of a detection, in order.
+/// A stage of a detection, as [`Detector::detect_observed`] reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// Doubling and the Gaussian pyramid.
     ScaleSpace,
-    /// Differences of Gaussians, their extrema, refinement.
+    /// Differences of Gaussians, their extrema and the refinement of these.
     Extrema,
     /// Orientations of the points.
     Orientations,
@@ -128,7 +41,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// All stages in order.
+    /// All stages in the order in which they run.
     pub const ALL: [Self; 4] = [
         Self::ScaleSpace,
         Self::Extrema,
@@ -137,7 +50,7 @@ impl Stage {
     ];
 }
 
-/// Finds and describes keypoints; made once from its parameters.
+/// Finds keypoints and describes them, by parameters that were checked when it was made.
 ///
 /// ```
 /// use vision_sift::{Detector, Features, GrayImage, SiftParams, Workspace};
@@ -156,7 +69,7 @@ pub struct Detector {
     simd: SimdLevel,
 }
 
-/// A level of the pyramid, and centre and scale of a window in its pixels.
+/// A level of the pyramid, and the centre and scale of a window in its pixels.
 struct WindowPlace<'a> {
     plane: &'a Plane,
     x: f32,
@@ -179,23 +92,11 @@ impl Detector {
         })
     }
 
-    /// The same detector on another instruction set; the results are equal bit for bit. For tests and measurements.
+    /// The same detector on other vector instructions, for tests and measurements. The features are equal bit for bit.
     #[must_use]
     pub fn with_simd(mut self, simd: SimdLevel) -> Self {
         self.simd = simd;
         self
-    }
-
-    /// The instruction set in use.
-    #[must_use]
-    pub fn simd(&self) -> SimdLevel {
-        self.simd
-    }
-
-    /// The parameters given.
-    #[must_use]
-    pub fn params(&self) -> &SiftParams {
-        &self.params
     }
 
     /// Finds the keypoints of `image` and describes them; `features` is cleared and refilled.
@@ -215,7 +116,7 @@ impl Detector {
         Ok(())
     }
 
-    /// As [`Detector::detect`], calling `done` after each stage: for measurements.
+    /// Detects as [`Detector::detect`] does and calls `done` after each stage, for measurements of time.
     ///
     /// # Errors
     /// As [`Detector::detect`].
@@ -230,10 +131,10 @@ impl Detector {
         Ok(())
     }
 
-    /// As [`Detector::detect`], with the keypoints whose nearest pixel of `region` is zero left out before they are
-    /// oriented, described or counted.
+    /// Detects as [`Detector::detect`] does, but leaves out every keypoint whose nearest pixel of `region` is zero, before
+    /// it is oriented, described or counted.
     ///
-    /// What lies outside the region still takes part in blurs and windows: masking a picture makes no edges.
+    /// The pixels outside the region still take part in blurs and windows, so that the region makes no edges of its own.
     ///
     /// # Errors
     /// [`SiftError::RegionSize`] when `region` and `image` differ in size.
@@ -255,6 +156,7 @@ impl Detector {
         Ok(())
     }
 
+    /// Runs all stages; keypoints outside the region are dropped after the refinement.
     fn detect_where(
         &self,
         image: &GrayImage<'_>,
@@ -289,7 +191,7 @@ impl Detector {
         done(Stage::Descriptors);
     }
 
-    /// Extrema and refinement of all octaves into `workspace.points`.
+    /// Finds and refines the extrema of all octaves into `workspace.points`.
     fn find_points(&self, workspace: &mut Workspace) {
         let Workspace {
             scale_space,
@@ -340,6 +242,7 @@ impl Detector {
         points.dedup_by_key(|p| (p.octave, p.point.sample));
     }
 
+    /// Drops the points that cannot be among the strongest features wanted.
     fn keep_strongest_points(&self, workspace: &mut Workspace) {
         if let Some(limit) = self.params.max_features {
             // Every point with an orientation gives a feature, so no weaker point can be among the strongest features.
@@ -352,10 +255,10 @@ impl Detector {
         }
     }
 
-    /// Where the windows of a point lie: on the Gaussian level nearest in scale.
+    /// The place of the windows of a point: on the Gaussian level nearest in scale.
     ///
-    /// Every second sample of the coarsest of these begins the next octave. They say as much of its gradients, and a window
-    /// has a quarter of them.
+    /// The next octave begins with every second sample of the coarsest of these levels. The windows of its points are read
+    /// from there: a quarter of the gradients say nearly as much.
     fn window_place<'a>(
         &self,
         scale_space: &'a ScaleSpace,
@@ -381,7 +284,7 @@ impl Detector {
         }
     }
 
-    /// One entry in `workspace.oriented` for each orientation of each point.
+    /// Writes one entry into `workspace.oriented` for each orientation of each point.
     fn orient(&self, workspace: &mut Workspace) {
         let Workspace {
             scale_space,
@@ -430,6 +333,7 @@ impl Detector {
         }
     }
 
+    /// Writes the keypoints and descriptors of `workspace.oriented` into `features`.
     fn describe(&self, workspace: &Workspace, features: &mut Features) {
         let Workspace {
             scale_space,
@@ -483,7 +387,7 @@ impl Detector {
 
 /// Finds and describes the keypoints of one image with the default parameters.
 ///
-/// For a sequence keep a [`Detector`] and a [`Workspace`] instead, which saves the allocations.
+/// For a sequence of images keep a [`Detector`] and a [`Workspace`] instead, which saves the allocations.
 ///
 /// # Errors
 /// As [`Detector::detect`].
@@ -491,23 +395,4 @@ pub fn detect(image: &GrayImage<'_>) -> Result<Features, SiftError> {
     let mut features = Features::default();
     Detector::new(SiftParams::default())?.detect(image, &mut Workspace::new(), &mut features)?;
     Ok(features)
-}
-
-/// Keeps the `limit` items of strongest response, equal ones by `key`, and leaves them sorted by `key`.
-fn keep_strongest<T, K: Ord>(
-    items: &mut Vec<T>,
-    limit: usize,
-    response: impl Fn(&T) -> f32,
-    key: impl Fn(&T) -> K,
-) {
-    if items.len() <= limit {
-        return;
-    }
-    items.select_nth_unstable_by(limit, |a, b| {
-        response(b)
-            .total_cmp(&response(a))
-            .then_with(|| key(a).cmp(&key(b)))
-    });
-    items.truncate(limit);
-    items.sort_unstable_by_key(key);
 }

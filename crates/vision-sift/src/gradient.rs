@@ -16,13 +16,9 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use crate::constants::Arctangent;
+use crate::constants::{Arctangent, MAX_WINDOW_COLUMNS};
 use crate::image::Plane;
 use crate::simd::{LANES, Lanes, Run, load, prefetch, store};
-
-/// Columns of the widest window, over all parameters: a descriptor at scale 12.1 (`base_sigma` 4, one scale an octave,
-/// refined 0.6 levels up), turned by 45 degrees, reaches `2.5 * 3 * 12.1 * sqrt(2) = 129` samples each way.
-const MAX_COLUMNS: usize = 272;
 
 /// Lane numbers.
 const STEPS: Run = [
@@ -40,8 +36,8 @@ pub(crate) const FALLOFF_MAX_ERROR: f32 = 1.5e-5;
 /// Offset from the centre and window factor of each column of a window.
 pub(crate) struct WindowTable {
     first: usize,
-    offset: [f32; MAX_COLUMNS + LANES],
-    factor: [f32; MAX_COLUMNS + LANES],
+    offset: [f32; MAX_WINDOW_COLUMNS + LANES],
+    factor: [f32; MAX_WINDOW_COLUMNS + LANES],
 }
 
 impl WindowTable {
@@ -50,8 +46,8 @@ impl WindowTable {
     pub(crate) fn new() -> Self {
         Self {
             first: 0,
-            offset: [0.0; MAX_COLUMNS + LANES],
-            factor: [0.0; MAX_COLUMNS + LANES],
+            offset: [0.0; MAX_WINDOW_COLUMNS + LANES],
+            factor: [0.0; MAX_WINDOW_COLUMNS + LANES],
         }
     }
 
@@ -60,7 +56,7 @@ impl WindowTable {
     pub(crate) fn set<L: Lanes>(&mut self, centre: f32, first: usize, last: usize, scale: f32) {
         self.first = first;
         let steps = L::load(&STEPS);
-        let columns = (last + 1 - first).min(MAX_COLUMNS);
+        let columns = (last + 1 - first).min(MAX_WINDOW_COLUMNS);
         for at in (0..columns).step_by(LANES) {
             let offset = L::splat((first + at) as f32 - centre).add(steps);
             let factor = falloff(offset.mul(offset).mul(L::splat(scale)));

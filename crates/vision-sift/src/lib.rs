@@ -45,13 +45,18 @@ mod descriptor;
 
 mod detector;
 mod error;
+mod features;
+mod strongest;
 mod threads;
+mod workspace;
 
 pub use conventions::Conventions;
-pub use detector::{Detector, Features, Keypoint, Stage, Workspace, detect};
+pub use detector::{Detector, Stage, detect};
 pub use error::SiftError;
+pub use features::{Features, Keypoint};
 pub use image::GrayImage;
 pub use params::{Normalisation, SiftParams};
+pub use workspace::Workspace;
 
 /// Compiles the README's code.
 #[doc = include_str!("../README.md")]

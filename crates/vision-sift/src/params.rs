@@ -153,17 +153,18 @@ mod tests {
 
     #[test]
     fn every_field_is_checked() {
+        type Spoil = fn(&mut SiftParams);
         assert_eq!(SiftParams::default().check(), Ok(()));
-        let bad: [(&str, &dyn Fn(&mut SiftParams)); 9] = [
-            ("max_features", &|p| p.max_features = Some(0)),
-            ("scales_per_octave", &|p| p.scales_per_octave = 0),
-            ("scales_per_octave", &|p| p.scales_per_octave = 9),
-            ("contrast_threshold", &|p| p.contrast_threshold = 0.0),
-            ("contrast_threshold", &|p| p.contrast_threshold = f32::NAN),
-            ("edge_ratio", &|p| p.edge_ratio = 0.5),
-            ("base_sigma", &|p| p.base_sigma = 1.0),
-            ("base_sigma", &|p| p.base_sigma = f32::INFINITY),
-            ("camera_sigma", &|p| p.camera_sigma = -0.1),
+        let bad: [(&str, Spoil); 9] = [
+            ("max_features", |p| p.max_features = Some(0)),
+            ("scales_per_octave", |p| p.scales_per_octave = 0),
+            ("scales_per_octave", |p| p.scales_per_octave = 9),
+            ("contrast_threshold", |p| p.contrast_threshold = 0.0),
+            ("contrast_threshold", |p| p.contrast_threshold = f32::NAN),
+            ("edge_ratio", |p| p.edge_ratio = 0.5),
+            ("base_sigma", |p| p.base_sigma = 1.0),
+            ("base_sigma", |p| p.base_sigma = f32::INFINITY),
+            ("camera_sigma", |p| p.camera_sigma = -0.1),
         ];
         for (expected, spoil) in bad {
             let mut params = SiftParams::default();

@@ -36,9 +36,8 @@ pub(crate) fn prefetch(samples: &[f32]) {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::simd::lanes::Run;
 
     /// Every operation of the trait on one pair of runs, as bits.
     struct Everything {
@@ -84,7 +83,7 @@ pub(crate) mod tests {
         }
     }
 
-    pub(super) fn inputs() -> Vec<(Run, Run)> {
+    fn inputs() -> Vec<(Run, Run)> {
         let mut state = 1_u32;
         let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -115,6 +114,28 @@ pub(crate) mod tests {
                 let got = run(level, Everything { a, b });
                 let differs = got.iter().zip(&expected).position(|(g, e)| g != e);
                 assert_eq!(differs, None, "{level}: {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn portable_operations_are_those_of_one_value() {
+        let stored = |vector: Portable| {
+            let mut run = [0.0; LANES];
+            vector.store(&mut run);
+            run
+        };
+        for (a, b) in inputs() {
+            let (x, y) = (Portable::load(&a), Portable::load(&b));
+            let (floor, quotient) = (stored(x.floor()), stored(x.div(y)));
+            let (least, most) = (stored(x.min(y)), stored(x.max(y)));
+            let greater = Portable::bits(x.greater(y));
+            for i in 0..LANES {
+                assert_eq!(floor[i], a[i].floor());
+                assert_eq!(least[i], a[i].min(b[i]));
+                assert_eq!(most[i], a[i].max(b[i]));
+                assert_eq!(quotient[i].to_bits(), (a[i] / b[i]).to_bits());
+                assert_eq!(greater >> i & 1 == 1, a[i] > b[i]);
             }
         }
     }

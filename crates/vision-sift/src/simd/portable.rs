@@ -115,24 +115,3 @@ impl Lanes for Portable {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simd::tests::inputs;
-
-    #[test]
-    fn portable_operations_are_those_of_one_value() {
-        for (a, b) in inputs() {
-            let (x, y) = (Portable(a), Portable(b));
-            for i in 0..LANES {
-                assert_eq!(x.floor().0[i], a[i].floor());
-                assert_eq!(x.min(y).0[i], a[i].min(b[i]));
-                assert_eq!(x.max(y).0[i], a[i].max(b[i]));
-                assert_eq!(x.div(y).0[i].to_bits(), (a[i] / b[i]).to_bits());
-                let bit = Portable::bits(x.greater(y)) >> i & 1;
-                assert_eq!(bit == 1, a[i] > b[i]);
-            }
-        }
-    }
-}

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""OpenCV's SIFT on photographs and on the drawn scene, for tests/opencv_mode.rs.
+"""OpenCV's SIFT on photographs and on the drawn scene, for tests/it/opencv_mode.rs.
 
     opencv_photographs.py FOLDER [SOURCE]   writes the photographs and OpenCV's features into FOLDER
     opencv_photographs.py --scene           writes opencv_mode.csv beside this file

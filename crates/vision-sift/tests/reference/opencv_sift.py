@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reference numbers for tests/validation.rs: OpenCV's SIFT on the scene of tests/common/mod.rs.
+"""Reference numbers for tests/it/validation.rs: OpenCV's SIFT on the scene of tests/it/pictures.rs.
 
 Needs numpy and opencv-python-headless (made with 5.0.0). Writes opencv_sift.csv beside this file: a comment with the
 picture's size and the sum of its grey values, a header, then one row per keypoint and orientation, strongest first.
@@ -14,7 +14,7 @@ WIDTH, HEIGHT, SIDE, ROWS = 160, 120, 160.0, 60
 
 
 def scene(width, height, side):
-    """The same 500 spots as `scene` in common/mod.rs, term by term in the same order."""
+    """The same 500 spots as `scene` in tests/it/pictures.rs, term by term in the same order."""
     state = 2004
 
     def following():

@@ -1,21 +1,18 @@
-//! The OpenCV mode against OpenCV 5.0.0: `reference/opencv_mode.csv` for the drawn scene and, where they have been
-//! made, seven photographs (`reference/opencv_photographs.py`).
+//! The OpenCV mode against OpenCV 5.0.0: `tests/reference/opencv_mode.csv` for the drawn scene and, where they have been
+//! made, seven photographs (`tests/reference/opencv_photographs.py`).
 //!
 //! Two features are the same when they agree within 0.05 pixels in position, 1 % in scale, half a degree in angle and 1 %
 //! in response. Descriptors are the same when no value differs by more than 1. All points cannot be demanded: a value
 //! within `f32` rounding of a threshold falls either way, and of the refinement's long steps (nearly singular Hessians)
 //! some multiply the rounding.
 
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
-
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{Picture, angle_between, detect_with, scene};
+use crate::optional_data::{folder, present};
+use crate::pictures::{Picture, angle_between, detect_with, scene, stated_sum};
 use vision_sift::{Conventions, Features, Keypoint, SiftParams};
 
-const SCENE: &str = include_str!("reference/opencv_mode.csv");
+const SCENE: &str = include_str!("../reference/opencv_mode.csv");
 
 /// The least share of features found, in each direction, and of equal descriptors among them. A scene has some 250.
 const SCENE_SHARE: f64 = 0.99;
@@ -102,6 +99,10 @@ impl Agreement {
         ]
     }
 
+    #[expect(
+        clippy::print_stdout,
+        reason = "the shares are what these tests report"
+    )]
     fn assert(&self, of: &str, least: f64) {
         let shares = self.shares();
         println!("{of}: {shares:.4?} of {self:?}");
@@ -109,20 +110,10 @@ impl Agreement {
     }
 }
 
-/// The sum of grey values the reference states.
-fn stated_sum(text: &str) -> u64 {
-    let after = text.split("grey values ").nth(1).unwrap();
-    after.split(',').next().unwrap().parse().unwrap()
-}
-
-fn sum(picture: &Picture) -> u64 {
-    picture.pixels.iter().map(|&p| u64::from(p)).sum()
-}
-
 fn scene_picture() -> Picture {
     let picture = Picture::draw(240, 180, |x, y| scene(x, y, 240.0));
     // A library exponential one ulp away may flip a rounding, not more.
-    assert!(sum(&picture).abs_diff(stated_sum(SCENE)) <= 2);
+    assert!(picture.sum().abs_diff(stated_sum(SCENE)) <= 2);
     picture
 }
 
@@ -148,28 +139,12 @@ fn val_opencv_mode_is_not_the_default() {
     assert!(found < 0.8 && equal < 0.1, "{found} {equal}");
 }
 
-/// The folder of photographs, if they have been made.
+/// The folder of photographs, which `tests/reference/opencv_photographs.py FOLDER` makes; `None` where it is absent.
 fn photographs() -> Option<PathBuf> {
-    let path = std::env::var_os("MONO_SLAM_OPENCV_PHOTOGRAPHS").map_or_else(
-        || {
-            std::env::var_os("MONO_SLAM_DATA")
-                .map_or_else(
-                    || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-                    PathBuf::from,
-                )
-                .join("opencv_sift_photographs")
-        },
-        PathBuf::from,
-    );
-    if path.is_dir() {
-        return Some(path);
-    }
-    println!(
-        "skipped: no photographs; made by python3 {}/tests/reference/opencv_photographs.py {}",
-        env!("CARGO_MANIFEST_DIR"),
-        path.display()
-    );
-    None
+    std::env::var_os("MONO_SLAM_OPENCV_PHOTOGRAPHS").map_or_else(
+        || folder("opencv_sift_photographs"),
+        |path| present(PathBuf::from(path)),
+    )
 }
 
 /// `P5 width height 255`, one white-space byte, the pixels, as the script writes it.
@@ -216,7 +191,7 @@ fn val_opencv_mode_photographs() {
         for file in &files {
             let text = std::fs::read_to_string(file.with_extension("csv")).unwrap();
             let picture = read_pgm(file);
-            assert_eq!(sum(&picture), stated_sum(&text), "{}", file.display());
+            assert_eq!(picture.sum(), stated_sum(&text), "{}", file.display());
             let ours = detect_with(&picture, params.clone());
             agreement.add(&ours, &features(&text, upscale));
         }

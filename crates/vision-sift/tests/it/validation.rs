@@ -1,16 +1,15 @@
-//! Agreement with OpenCV's SIFT: numbers of `reference/opencv_sift.py` (OpenCV 5.0.0), and, where the optional data is
+//! Agreement with OpenCV's SIFT: numbers of `tests/reference/opencv_sift.py` (OpenCV 5.0.0), and, where the optional data is
 //! present, known homographies between photographs.
-
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
-
-mod common;
 
 use std::path::PathBuf;
 
-use common::{Picture, angle_between, descriptor_distance, detect_with, scene};
+use crate::optional_data::folder;
+use crate::pictures::{
+    Picture, angle_between, descriptor_distance, detect_with, scene, stated_sum,
+};
 use vision_sift::{Features, GrayImage, Keypoint, Normalisation, SiftParams};
 
-const REFERENCE: &str = include_str!("reference/opencv_sift.csv");
+const REFERENCE: &str = include_str!("../reference/opencv_sift.csv");
 
 fn reference_picture() -> Picture {
     Picture::draw(160, 120, |x, y| scene(x, y, 160.0))
@@ -38,26 +37,9 @@ fn reference_features() -> Features {
 
 #[test]
 fn val_opencv_reference_is_of_the_same_picture() {
-    let sum: u64 = reference_picture()
-        .pixels
-        .iter()
-        .map(|&p| u64::from(p))
-        .sum();
-    let stated = REFERENCE
-        .lines()
-        .next()
-        .unwrap()
-        .split("grey values ")
-        .nth(1)
-        .unwrap()
-        .split(',')
-        .next()
-        .unwrap();
+    let (sum, stated) = (reference_picture().sum(), stated_sum(REFERENCE));
     // A library exponential one ulp away may flip a rounding, not more.
-    assert!(
-        sum.abs_diff(stated.parse::<u64>().unwrap()) <= 2,
-        "{sum} {stated}"
-    );
+    assert!(sum.abs_diff(stated) <= 2, "{sum} {stated}");
     assert_eq!(reference_features().keypoints.len(), 60);
 }
 
@@ -110,20 +92,6 @@ fn val_opencv_keypoints_are_found() {
     );
 }
 
-/// The folder of optional pictures, if it is there.
-fn data(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("MONO_SLAM_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    println!("skipped: no optional data at {}", path.display());
-    None
-}
-
 fn features_of(path: PathBuf) -> Features {
     let picture = image::open(path).unwrap().into_luma8();
     let view = GrayImage::new(
@@ -161,15 +129,15 @@ fn ratio_matches(a: &Features, b: &Features) -> Vec<(usize, usize)> {
 
 #[test]
 fn val_opencv_graf_matches_obey_the_homography() {
-    let Some(folder) = data("homography_graf") else {
+    let Some(pictures) = folder("homography_graf") else {
         return;
     };
-    let first = features_of(folder.join("img1.png"));
+    let first = features_of(pictures.join("img1.png"));
     // OpenCV 5.0.0 with the same thresholds, the better of its two ways of doubling: 979 (default) and 260 (precise)
     // correct matches within 3 pixels.
     for (k, opencv) in [(2, 979), (3, 260)] {
-        let other = features_of(folder.join(format!("img{k}.png")));
-        let text = std::fs::read_to_string(folder.join(format!("H1to{k}p"))).unwrap();
+        let other = features_of(pictures.join(format!("img{k}.png")));
+        let text = std::fs::read_to_string(pictures.join(format!("H1to{k}p"))).unwrap();
         let h: Vec<f64> = text
             .split_whitespace()
             .map(|v| v.parse().unwrap())
@@ -190,11 +158,11 @@ fn val_opencv_graf_matches_obey_the_homography() {
 
 #[test]
 fn val_opencv_indoor_frames_have_a_usual_number_of_keypoints() {
-    let Some(folder) = data("robot_lab_sideways/images") else {
+    let Some(pictures) = folder("robot_lab_sideways/images") else {
         return;
     };
     for frame in [20, 100, 200] {
-        let count = features_of(folder.join(format!("{frame:06}.png")))
+        let count = features_of(pictures.join(format!("{frame:06}.png")))
             .keypoints
             .len();
         assert!((250..=800).contains(&count), "frame {frame}: {count}");

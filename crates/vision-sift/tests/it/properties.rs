@@ -1,8 +1,6 @@
 //! What must hold for every picture.
 
-mod common;
-
-use common::{Picture, agreement, detect, detect_with, scene};
+use crate::pictures::{Picture, agreement, descriptor_distance, detect, detect_with, scene};
 use proptest::prelude::*;
 use simd_level::SimdLevel;
 use vision_sift::{Detector, Features, GrayImage, Keypoint, SiftError, SiftParams, Workspace};
@@ -31,7 +29,7 @@ fn check(picture: &Picture, features: &Features) -> Result<(), TestCaseError> {
         prop_assert!((0.0..std::f32::consts::TAU).contains(&k.angle), "{:?}", k);
         prop_assert!(k.response >= min_response, "{:?}", k);
         // Length 512, less what saturates at 255 of 512, plus rounding of 128 values by half a unit: 0.5 sqrt(128).
-        let length = common::descriptor_distance(d, &[0; 128]);
+        let length = descriptor_distance(d, &[0; 128]);
         let saturated = d.contains(&255);
         prop_assert!(
             length < 518.0 && (saturated || length > 506.0),

@@ -1,25 +1,18 @@
 //! Pictures with known answers, drawn by formula.
 
-#![allow(
-    dead_code,
-    unreachable_pub,
-    clippy::allow_attributes,
-    reason = "each test file uses its own part"
-)]
-
 use vision_sift::{Detector, Features, GrayImage, SiftParams, Workspace};
 
-/// Image size and pixels.
+/// A grey picture and its size.
 #[derive(Debug)]
-pub struct Picture {
-    pub width: usize,
-    pub height: usize,
-    pub pixels: Vec<u8>,
+pub(crate) struct Picture {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) pixels: Vec<u8>,
 }
 
 impl Picture {
     /// Draws `grey(x, y)` at every pixel centre, rounded and cut to bytes.
-    pub fn draw(width: usize, height: usize, grey: impl Fn(f64, f64) -> f64) -> Self {
+    pub(crate) fn draw(width: usize, height: usize, grey: impl Fn(f64, f64) -> f64) -> Self {
         let value = |i: usize| {
             grey((i % width) as f64, (i / width) as f64)
                 .round()
@@ -32,12 +25,17 @@ impl Picture {
         }
     }
 
-    pub fn view(&self) -> GrayImage<'_> {
+    pub(crate) fn view(&self) -> GrayImage<'_> {
         GrayImage::new(self.width, self.height, &self.pixels)
             .expect("test pictures are large enough")
     }
 
-    pub fn transposed(&self) -> Self {
+    /// The sum of all grey values.
+    pub(crate) fn sum(&self) -> u64 {
+        self.pixels.iter().map(|&p| u64::from(p)).sum()
+    }
+
+    pub(crate) fn transposed(&self) -> Self {
         let pixels = (0..self.pixels.len())
             .map(|i| self.pixels[(i % self.height) * self.width + i / self.height]);
         Self {
@@ -48,7 +46,7 @@ impl Picture {
     }
 
     /// A quarter turn: the pixel `(x, y)` goes to `(height - 1 - y, x)`, the x axis to the y axis.
-    pub fn quarter_turned(&self) -> Self {
+    pub(crate) fn quarter_turned(&self) -> Self {
         let (w, h) = (self.height, self.width);
         let pixels =
             (0..w * h).map(|i| self.pixels[(self.height - 1 - i % w) * self.width + i / w]);
@@ -59,7 +57,7 @@ impl Picture {
         }
     }
 
-    pub fn mapped(&self, f: impl Fn(u8) -> u8) -> Self {
+    pub(crate) fn mapped(&self, f: impl Fn(u8) -> u8) -> Self {
         Self {
             width: self.width,
             height: self.height,
@@ -69,13 +67,13 @@ impl Picture {
 }
 
 /// A Gaussian spot of height 1.
-pub fn spot(x: f64, y: f64, centre: (f64, f64), sigma: f64) -> f64 {
+pub(crate) fn spot(x: f64, y: f64, centre: (f64, f64), sigma: f64) -> f64 {
     (-((x - centre.0).powi(2) + (y - centre.1).powi(2)) / (2.0 * sigma * sigma)).exp()
 }
 
 /// A smooth scene without symmetry in continuous coordinates: 500 spots of both signs, cut off at 6 sigma.
 /// The same integer generator is in `reference/opencv_sift.py`.
-pub fn scene(x: f64, y: f64, side: f64) -> f64 {
+pub(crate) fn scene(x: f64, y: f64, side: f64) -> f64 {
     let mut state = 2004_u32;
     let mut next = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -96,7 +94,7 @@ pub fn scene(x: f64, y: f64, side: f64) -> f64 {
     128.0 + sum
 }
 
-pub fn detect_with(picture: &Picture, params: SiftParams) -> Features {
+pub(crate) fn detect_with(picture: &Picture, params: SiftParams) -> Features {
     let mut features = Features::default();
     Detector::new(params)
         .expect("test parameters are in range")
@@ -105,17 +103,17 @@ pub fn detect_with(picture: &Picture, params: SiftParams) -> Features {
     features
 }
 
-pub fn detect(picture: &Picture) -> Features {
+pub(crate) fn detect(picture: &Picture) -> Features {
     vision_sift::detect(&picture.view()).expect("checked input")
 }
 
 /// Difference of two angles in `[-pi, pi)`.
-pub fn angle_between(a: f32, b: f32) -> f32 {
+pub(crate) fn angle_between(a: f32, b: f32) -> f32 {
     use std::f32::consts::{PI, TAU};
     (a - b + PI).rem_euclid(TAU) - PI
 }
 
-pub fn descriptor_distance(a: &[u8; 128], b: &[u8; 128]) -> f32 {
+pub(crate) fn descriptor_distance(a: &[u8; 128], b: &[u8; 128]) -> f32 {
     a.iter()
         .zip(b)
         .map(|(&p, &q)| (f32::from(p) - f32::from(q)).powi(2))
@@ -125,7 +123,7 @@ pub fn descriptor_distance(a: &[u8; 128], b: &[u8; 128]) -> f32 {
 
 /// Share of the features of `a` that have one in `b` at `map(x, y)`, `turn` later in angle and `scale` larger, within
 /// half a pixel, 10 % in scale and 0.1 radians; and the median descriptor distance of those pairs.
-pub fn agreement(
+pub(crate) fn agreement(
     a: &Features,
     b: &Features,
     map: impl Fn(f32, f32) -> (f32, f32),
@@ -156,4 +154,10 @@ pub fn agreement(
             .copied()
             .unwrap_or(f32::INFINITY),
     )
+}
+
+/// The sum of grey values that the first line of a reference file states.
+pub(crate) fn stated_sum(reference: &str) -> u64 {
+    let after = reference.split("grey values ").nth(1).unwrap();
+    after.split(',').next().unwrap().parse().unwrap()
 }

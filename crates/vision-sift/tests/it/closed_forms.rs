@@ -1,10 +1,8 @@
 //! Pictures whose keypoints are known by calculation.
 
-mod common;
-
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use common::{Picture, agreement, detect, detect_with, scene, spot};
+use crate::pictures::{Picture, agreement, angle_between, detect, detect_with, scene, spot};
 use vision_sift::SiftParams;
 
 /// Scale at which a spot of standard deviation `s` is found. With `t` the variance of the blur applied, the response at
@@ -313,7 +311,7 @@ fn a_transposed_picture_has_transposed_keypoints() {
         b.keypoints.iter().any(|q| {
             (q.x - k.y).hypot(q.y - k.x) < 0.01
                 && (q.sigma / k.sigma - 1.0).abs() < 0.01
-                && common::angle_between(q.angle, FRAC_PI_2 - k.angle).abs() < 0.02
+                && angle_between(q.angle, FRAC_PI_2 - k.angle).abs() < 0.02
         })
     });
     assert!(hits.count() as f64 > 0.97 * a.keypoints.len() as f64);
