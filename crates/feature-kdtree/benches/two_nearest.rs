@@ -4,8 +4,8 @@
 //! instructions, as one batch and one by one; `forest` is the approximate forest with its default parameters, whose
 //! recall is printed once for each size. All run on one thread but `match`.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
+#[path = "../tests/it/scene.rs"]
+mod scene;
 
 use criterion::measurement::WallTime;
 use criterion::{
@@ -15,9 +15,9 @@ use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, KdForest, KdForestParams, match_descriptors,
     match_mutual,
 };
+use scene::Scene;
 use simd_level::SimdLevel;
 use std::hint::black_box;
-use support::Scene;
 
 const QUERIES: usize = 300;
 const NOISE: f64 = 10.0;

@@ -1,13 +1,14 @@
 //! Matches a simulated frame to a map and to the frame before it.
 
-#[path = "../tests/support/mod.rs"]
-mod support;
+#[path = "../tests/it/scene.rs"]
+#[expect(dead_code, reason = "the example uses a part")]
+mod scene;
 
 use feature_kdtree::{
     Descriptor, DescriptorIndex, IndexError, KdForest, KdForestParams, match_descriptors,
     match_mutual,
 };
-use support::Scene;
+use scene::Scene;
 
 #[expect(clippy::print_stdout, reason = "an example shows its result")]
 fn main() -> Result<(), IndexError> {

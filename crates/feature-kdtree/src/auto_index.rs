@@ -1,54 +1,51 @@
 //! The index to take when the size of the map is not known beforehand: exact while that is fast, approximate beyond.
 //!
 //! Up to some thousand entries a scan is exact and as fast as anything; beyond, inverted lists win by a factor that
-//! grows with the map. [`AutoIndex`] starts as the one and becomes the other. [`AutoIndex::kind`] says which it is,
-//! [`AutoIndex::fixed`] settles it for good.
+//! grows with the map. [`AutoIndex`] starts as the one and becomes the other.
 //!
 //! Steps of the change, spread over many insertions so that no frame pays for it:
-//! 1. At [`AutoIndex::MOVES_AT`] entries it begins to enter the old ones into lists, two for each change; new ones
-//!    go to both. The scan goes on to answer.
-//! 2. When all are in the lists, after half as many changes again, the lists answer and the scan is dropped.
-//! 3. When removals leave fewer than [`AutoIndex::RETURNS_BELOW`], it is a scan again, at once: the copy of so few
-//!    entries takes 0.1 ms. The gap between the two sizes keeps a map of constant size from changing to and fro.
+//! 1. From [`MOVES_AT`] entries on, each change enters two of the old entries into lists; new entries go to both. The
+//!    scan goes on answering.
+//! 2. When all entries are in the lists, after half as many changes again, the lists answer and the scan is dropped.
+//! 3. When removals leave fewer than [`RETURNS_BELOW`], the index becomes a scan again at once: to copy so few entries
+//!    takes 0.1 ms. The gap between the two sizes keeps a map of constant size from changing to and fro.
 //!
 //! Degenerate cases are those of the two indexes.
 
 use crate::inverted_lists::{InvertedLists, InvertedListsParams};
-use crate::{
-    Descriptor, DescriptorIndex, ExactScan, IndexError, KdForest, KdForestParams, TwoNearest,
-};
+use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest};
 
-/// Old entries entered into the lists for each change while the change of kind lasts.
+/// Entries at which a scan begins to become lists.
+const MOVES_AT: usize = 4000;
+/// Entries below which lists become a scan.
+const RETURNS_BELOW: usize = 2000;
+/// Entries of the scan that enter the lists with each change while the scan becomes lists.
 const MOVES_A_CHANGE: usize = 2;
-
-/// A kind of index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum IndexKind {
-    /// [`ExactScan`].
-    ExactScan,
-    /// [`InvertedLists`] with default parameters.
-    InvertedLists,
-    /// [`KdForest`] with default parameters; never chosen by size.
-    KdForest,
-}
 
 /// An exact scan that becomes inverted lists as the map grows.
 ///
-/// Deterministic: its kind and its answers are a function of the sequence of changes.
+/// It is exact below 4000 entries and approximate, as [`InvertedLists`] with default parameters, beyond. Deterministic:
+/// the answers are a function of the sequence of changes.
+///
+/// ```
+/// use feature_kdtree::{AutoIndex, DescriptorIndex};
+///
+/// let mut map = AutoIndex::new();
+/// map.insert(7, &[10; 128])?;
+/// map.insert(8, &[90; 128])?;
+/// let nearest = map.two_nearest(&[11; 128]).expect("the map is not empty");
+/// assert_eq!((nearest.first.id, nearest.first.distance_squared), (7, 128));
+/// # Ok::<(), feature_kdtree::IndexError>(())
+/// ```
 #[derive(Debug, Clone)]
-pub struct AutoIndex {
-    state: State,
-    fixed: bool,
-}
+pub struct AutoIndex(State);
 
 #[derive(Debug, Clone)]
 enum State {
     Scan(ExactScan),
-    /// The scan answers, the lists fill.
+    /// The scan answers while the lists fill.
     Moving(Box<Moving>),
     Lists(Box<InvertedLists>),
-    Forest(Box<KdForest>),
 }
 
 #[derive(Debug, Clone)]
@@ -66,129 +63,68 @@ impl Default for AutoIndex {
 }
 
 impl AutoIndex {
-    /// Entries at which a scan begins to become lists.
-    pub const MOVES_AT: usize = 4000;
-    /// Entries below which lists become a scan.
-    pub const RETURNS_BELOW: usize = 2000;
-
-    /// An empty index whose kind follows its size.
+    /// An empty index.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            state: State::Scan(ExactScan::new()),
-            fixed: false,
-        }
+        Self(State::Scan(ExactScan::new()))
     }
 
-    /// An empty index of one kind for good.
-    ///
-    /// # Errors
-    /// None with the default parameters it takes; the signature is that of the indexes it makes.
-    pub fn fixed(kind: IndexKind) -> Result<Self, IndexError> {
-        Ok(Self {
-            state: match kind {
-                IndexKind::ExactScan => State::Scan(ExactScan::new()),
-                IndexKind::InvertedLists => State::Lists(Box::new(empty_lists()?)),
-                IndexKind::KdForest => {
-                    State::Forest(Box::new(KdForest::new(KdForestParams::default())?))
-                }
-            },
-            fixed: true,
-        })
-    }
-
-    /// What answers now.
-    #[must_use]
-    pub fn kind(&self) -> IndexKind {
-        match &self.state {
-            State::Scan(_) | State::Moving(_) => IndexKind::ExactScan,
-            State::Lists(_) => IndexKind::InvertedLists,
-            State::Forest(_) => IndexKind::KdForest,
-        }
-    }
-
-    /// Whether the kind was given rather than chosen.
-    #[must_use]
-    pub fn is_fixed(&self) -> bool {
-        self.fixed
-    }
-
-    /// Becomes a function of the present entries alone, its kind included unless that is fixed.
+    /// Makes the index a function of the present entries alone.
     ///
     /// Two indexes with equal entries answer equally after it, and go on doing so under equal changes, whatever
-    /// their histories were: for runs that must repeat from a saved state. The price of inserting all entries.
+    /// their histories were: for runs that must repeat from a saved state. It costs as much as inserting all entries.
     ///
     /// # Errors
     /// None in practice: those of inserting the present entries into an empty index.
     pub fn rebuild(&mut self) -> Result<(), IndexError> {
-        match &mut self.state {
-            // Exact answers are a function of the entries as they are.
-            State::Scan(_) if self.fixed => {}
-            State::Lists(lists) if self.fixed => lists.rebuild(),
-            State::Forest(forest) => forest.rebuild(),
-            State::Scan(_) | State::Moving(_) | State::Lists(_) => {
-                let mut entries = self.entries();
-                entries.sort_unstable_by_key(|&(id, _)| id);
-                self.state = State::Scan(ExactScan::new());
-                for (id, descriptor) in &entries {
-                    self.insert(*id, descriptor)?;
-                }
-            }
+        let mut entries = match &self.0 {
+            State::Scan(scan) => scan.entries(),
+            State::Moving(moving) => moving.scan.entries(),
+            State::Lists(lists) => lists.entries(),
+        };
+        entries.sort_unstable_by_key(|&(id, _)| id);
+        *self = Self::new();
+        for (id, descriptor) in &entries {
+            self.insert(*id, descriptor)?;
         }
         Ok(())
     }
 
-    fn entries(&self) -> Vec<(u32, Descriptor)> {
-        match &self.state {
-            State::Scan(scan) => scan.entries(),
-            State::Moving(moving) => moving.scan.entries(),
-            State::Lists(lists) => lists.entries(),
-            State::Forest(_) => Vec::new(),
-        }
-    }
-
+    /// The index that answers now.
     fn answering(&self) -> &(dyn DescriptorIndex + Sync) {
-        match &self.state {
+        match &self.0 {
             State::Scan(scan) => scan,
             State::Moving(moving) => &moving.scan,
             State::Lists(lists) => lists.as_ref(),
-            State::Forest(forest) => forest.as_ref(),
         }
     }
 
-    /// Begins, continues or ends a change of kind after a change of the entries.
+    /// Begins, continues or ends the change between scan and lists after a change of the entries.
     fn follow_size(&mut self) -> Result<(), IndexError> {
-        if self.fixed {
-            return Ok(());
-        }
-        match &mut self.state {
-            State::Scan(scan) if scan.len() >= Self::MOVES_AT => {
+        match &mut self.0 {
+            State::Scan(scan) if scan.len() >= MOVES_AT => {
                 let mut waiting: Vec<u32> = scan.ids().to_vec();
                 waiting.reverse();
-                self.state = State::Moving(Box::new(Moving {
+                self.0 = State::Moving(Box::new(Moving {
                     scan: std::mem::take(scan),
                     lists: empty_lists()?,
                     waiting,
                 }));
             }
-            State::Moving(moving) if moving.scan.len() < Self::RETURNS_BELOW => {
-                self.state = State::Scan(std::mem::take(&mut moving.scan));
+            State::Moving(moving) if moving.scan.len() < RETURNS_BELOW => {
+                self.0 = State::Scan(std::mem::take(&mut moving.scan));
             }
             State::Moving(moving) => {
                 moving.advance()?;
                 if moving.waiting.is_empty() {
                     let lists = std::mem::replace(&mut moving.lists, empty_lists()?);
-                    self.state = State::Lists(Box::new(lists));
+                    self.0 = State::Lists(Box::new(lists));
                 }
             }
-            State::Lists(lists) if lists.len() < Self::RETURNS_BELOW => {
-                let mut scan = ExactScan::new();
-                for (id, descriptor) in lists.entries() {
-                    scan.insert(id, &descriptor)?;
-                }
-                self.state = State::Scan(scan);
+            State::Lists(lists) if lists.len() < RETURNS_BELOW => {
+                self.0 = State::Scan(lists.entries().into_iter().collect());
             }
-            State::Scan(_) | State::Lists(_) | State::Forest(_) => {}
+            State::Scan(_) | State::Lists(_) => {}
         }
         Ok(())
     }
@@ -201,7 +137,7 @@ impl Moving {
             let Some(id) = self.waiting.pop() else {
                 break;
             };
-            // Removed meanwhile, or removed and inserted anew, which entered it already.
+            // An id removed meanwhile is passed over, and so is one inserted anew, which is in the lists already.
             if self.lists.descriptor(id).is_none()
                 && let Some(descriptor) = self.scan.descriptor(id)
             {
@@ -218,30 +154,28 @@ fn empty_lists() -> Result<InvertedLists, IndexError> {
 
 impl DescriptorIndex for AutoIndex {
     fn insert(&mut self, id: u32, descriptor: &Descriptor) -> Result<(), IndexError> {
-        match &mut self.state {
+        match &mut self.0 {
             State::Scan(scan) => scan.insert(id, descriptor)?,
             State::Moving(moving) => {
                 moving.scan.insert(id, descriptor)?;
                 moving.lists.insert(id, descriptor)?;
             }
             State::Lists(lists) => lists.insert(id, descriptor)?,
-            State::Forest(forest) => forest.insert(id, descriptor)?,
         }
         self.follow_size()
     }
 
     fn remove(&mut self, id: u32) -> bool {
-        let removed = match &mut self.state {
+        let removed = match &mut self.0 {
             State::Scan(scan) => scan.remove(id),
             State::Moving(moving) => {
                 moving.lists.remove(id);
                 moving.scan.remove(id)
             }
             State::Lists(lists) => lists.remove(id),
-            State::Forest(forest) => forest.remove(id),
         };
         if removed {
-            // Its errors are those of insertions, which do not arise: every id moved is present once.
+            // The errors are those of insertions, and every id that moves is present once.
             let _ = self.follow_size();
         }
         removed
@@ -272,12 +206,99 @@ impl DescriptorIndex for AutoIndex {
     }
 
     fn memory_usage(&self) -> usize {
-        let filling = match &self.state {
+        let filling = match &self.0 {
             State::Moving(moving) => {
                 moving.lists.memory_usage() + moving.waiting.capacity() * size_of::<u32>()
             }
-            State::Scan(_) | State::Lists(_) | State::Forest(_) => 0,
+            State::Scan(_) | State::Lists(_) => 0,
         };
         self.answering().memory_usage() + filling
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    fn name_of(index: &AutoIndex) -> &'static str {
+        match index.0 {
+            State::Scan(_) => "scan",
+            State::Moving(_) => "moving",
+            State::Lists(_) => "lists",
+        }
+    }
+
+    fn random(rng: &mut ChaCha8Rng) -> Descriptor {
+        std::array::from_fn(|_| rng.random())
+    }
+
+    #[test]
+    fn a_scan_becomes_lists_and_a_scan_again_without_losing_an_entry() {
+        let mut rng = ChaCha8Rng::seed_from_u64(17);
+        let entries: Vec<Descriptor> = (0..6500).map(|_| random(&mut rng)).collect();
+        let mut index = AutoIndex::new();
+        let mut answered_by = vec![name_of(&index)];
+        let mut note = |index: &AutoIndex| {
+            if answered_by.last() != Some(&name_of(index)) {
+                answered_by.push(name_of(index));
+            }
+        };
+        for (id, descriptor) in (0..).zip(&entries) {
+            index.insert(id, descriptor).unwrap();
+            // Removals and new insertions in the middle of the move.
+            if id > 4000 && id.is_multiple_of(50) {
+                assert!(index.remove(id - 3000) && !index.remove(id - 3000));
+                index.insert(id - 3000, descriptor).unwrap();
+            }
+            note(&index);
+        }
+        let present = |id: u32| match id {
+            // Replaced above by the descriptor of 3000 later.
+            1001..3500 if id.is_multiple_of(50) => entries[id as usize + 3000],
+            _ => entries[id as usize],
+        };
+        assert_eq!(index.len(), entries.len());
+        for id in 0..entries.len() as u32 {
+            assert_eq!(index.descriptor(id), Some(present(id)), "{id}");
+        }
+        for id in 0..5000 {
+            assert!(index.remove(id));
+            note(&index);
+        }
+        assert_eq!(answered_by, ["scan", "moving", "lists", "scan"]);
+        for id in 5000..entries.len() as u32 {
+            let nearest = index.two_nearest(&present(id)).unwrap();
+            assert_eq!((nearest.first.id, nearest.first.distance_squared), (id, 0));
+        }
+    }
+
+    #[test]
+    fn rebuilding_forgets_the_history() {
+        let mut rng = ChaCha8Rng::seed_from_u64(19);
+        let entries: Vec<Descriptor> = (0..7000).map(|_| random(&mut rng)).collect();
+        let (mut forwards, mut backwards) = (AutoIndex::new(), AutoIndex::new());
+        for (id, descriptor) in (0..).zip(&entries) {
+            forwards.insert(id, descriptor).unwrap();
+        }
+        for (id, descriptor) in (0..7000).zip(&entries).rev() {
+            backwards.insert(id, descriptor).unwrap();
+        }
+        let queries: Vec<Descriptor> = (0..200).map(|_| random(&mut rng)).collect();
+        let answers = |index: &AutoIndex| {
+            let mut found = Vec::new();
+            index.two_nearest_batch(&queries, &mut found);
+            found
+        };
+        assert_ne!(
+            answers(&forwards),
+            answers(&backwards),
+            "or nothing is shown"
+        );
+        forwards.rebuild().unwrap();
+        backwards.rebuild().unwrap();
+        assert_eq!(name_of(&forwards), "lists");
+        assert_eq!(answers(&forwards), answers(&backwards));
     }
 }

@@ -29,6 +29,7 @@ use simd_level::SimdLevel;
 use crate::Descriptor;
 use crate::id_table::IdTable;
 use crate::row_block::PreparedQuery;
+use crate::row_scan;
 use crate::rows::Rows;
 use crate::simd::prefetch;
 use crate::two_means::divide;
@@ -316,7 +317,7 @@ impl<D: Directory> Cells<D> {
             let [first, second] = &halves_prepared;
             let rows = &self.cells[cell as usize].rows;
             for (from, out) in [first, second, &own].into_iter().zip(&mut distances) {
-                rows.distances(self.level, from, out);
+                row_scan::distances(rows, self.level, from, out);
             }
             // From the back: what `swap_remove` moves into the gap has been looked at.
             for row in (0..rows.len()).rev() {

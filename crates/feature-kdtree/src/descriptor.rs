@@ -6,17 +6,17 @@
 //! A ratio of distances must be squared before it meets squared distances; see [`crate::match_descriptors`].
 
 /// Number of components of a descriptor.
-pub const DESCRIPTOR_LENGTH: usize = 128;
+pub(crate) const DESCRIPTOR_LENGTH: usize = 128;
 
 /// A SIFT descriptor: 128 components quantised to bytes.
 pub type Descriptor = [u8; DESCRIPTOR_LENGTH];
 
 /// The largest possible squared distance, between all-zero and all-255 descriptors: 128 * 255^2.
-pub const MAX_DISTANCE_SQUARED: u32 = DESCRIPTOR_LENGTH as u32 * 255 * 255;
+pub(crate) const MAX_DISTANCE_SQUARED: u32 = DESCRIPTOR_LENGTH as u32 * 255 * 255;
 
 /// Squared Euclidean distance of two descriptors (paper, Eq. 20, before the root).
 ///
-/// At most [`MAX_DISTANCE_SQUARED`] (8 323 200), so it never overflows. O(128), without branches.
+/// At most 128 * 255^2 = 8 323 200, so it never overflows. O(128), without branches.
 ///
 /// All differences first, then squares added two by two: the compiler maps the second loop to multiply-add
 /// instructions on pairs of 16-bit lanes, which one plain loop does not get. Nothing can wrap; the wrapping

@@ -16,6 +16,7 @@ use simd_level::SimdLevel;
 use crate::id_map::IdMap;
 use crate::index::BestTwo;
 use crate::row_block::PreparedQuery;
+use crate::row_scan;
 use crate::rows::Rows;
 use crate::{Descriptor, DescriptorIndex, IndexError, TwoNearest};
 
@@ -144,8 +145,7 @@ impl DescriptorIndex for ExactScan {
     fn two_nearest(&self, query: &Descriptor) -> Option<TwoNearest> {
         let mut best = [BestTwo::default()];
         let query = [PreparedQuery::new(query)];
-        self.rows
-            .two_nearest_batch(self.level, &query, &[0], &mut best);
+        row_scan::two_nearest_batch(&self.rows, self.level, &query, &[0], &mut best);
         best[0].finish()
     }
 
@@ -156,8 +156,7 @@ impl DescriptorIndex for ExactScan {
     ) -> Option<TwoNearest> {
         let mut best = BestTwo::default();
         let query = PreparedQuery::new(query);
-        self.rows
-            .two_nearest_where(self.level, &query, accept, &mut best);
+        row_scan::two_nearest_where(&self.rows, self.level, &query, accept, &mut best);
         best.finish()
     }
 
@@ -174,8 +173,7 @@ impl DescriptorIndex for ExactScan {
             best.clear();
             best.resize(queries.len(), BestTwo::default());
             let members = &members[..queries.len()];
-            self.rows
-                .two_nearest_batch(self.level, &prepared, members, &mut best);
+            row_scan::two_nearest_batch(&self.rows, self.level, &prepared, members, &mut best);
             found.extend(best.iter().map(|best| best.finish()));
         }
     }

@@ -27,6 +27,7 @@ use crate::directory::Flat;
 use crate::index::BestTwo;
 use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
+use crate::row_scan;
 use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, TwoNearest};
 
 /// Centroids in a cell of the upper storey.
@@ -106,12 +107,6 @@ impl InvertedLists {
         })
     }
 
-    /// The parameters the index was made with.
-    #[must_use]
-    pub fn params(&self) -> &InvertedListsParams {
-        &self.params
-    }
-
     /// Number of lists.
     #[must_use]
     pub fn list_count(&self) -> usize {
@@ -181,7 +176,7 @@ impl InvertedLists {
         let mut best = BestTwo::default();
         loop {
             self.lists.scan_nearest(query, probes, |rows, _| {
-                rows.two_nearest_where(self.level, &query[0], accept, &mut best);
+                row_scan::two_nearest_where(rows, self.level, &query[0], accept, &mut best);
             });
             if best.is_full() || probes >= self.lists.cell_count() {
                 return best.finish();

@@ -145,18 +145,6 @@ impl KdForest {
         })
     }
 
-    /// The parameters the forest was made with.
-    #[must_use]
-    pub fn params(&self) -> &KdForestParams {
-        &self.params
-    }
-
-    /// The largest number of splits above a leaf, over all trees. O(n / leaf_capacity).
-    #[must_use]
-    pub fn depth(&self) -> usize {
-        self.trees.iter().map(KdTree::depth).max().unwrap_or(0)
-    }
-
     /// Builds all trees afresh, as a function of the parameters and the present entries alone.
     ///
     /// Two forests with equal parameters and entries answer equally after it, and go on doing so under equal

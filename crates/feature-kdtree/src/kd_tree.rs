@@ -17,8 +17,8 @@ use std::cmp::Reverse;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::descriptor::{DESCRIPTOR_LENGTH, Descriptor};
 use crate::rows::Rows;
-use crate::{DESCRIPTOR_LENGTH, Descriptor};
 
 /// A split draws its component among this many of the highest variance (Muja and Lowe 2009 use five).
 const SPLIT_CANDIDATES: usize = 5;
@@ -107,19 +107,6 @@ impl KdTree {
         while let Some(parent) = path.pop()
             && self.join_leaves(parent)
         {}
-    }
-
-    /// Largest number of splits above a leaf.
-    pub(crate) fn depth(&self) -> usize {
-        let mut deepest = 0;
-        let mut pending = vec![(Self::ROOT, 0)];
-        while let Some((node, depth)) = pending.pop() {
-            deepest = deepest.max(depth);
-            if let Node::Split { left, right, .. } = self.node(node) {
-                pending.extend([(*left, depth + 1), (*right, depth + 1)]);
-            }
-        }
-        deepest
     }
 
     pub(crate) fn memory_usage(&self) -> usize {

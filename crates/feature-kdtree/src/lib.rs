@@ -23,6 +23,7 @@ mod kd_tree;
 mod matching;
 mod near_rows;
 mod row_block;
+mod row_scan;
 mod rows;
 #[cfg_attr(
     target_arch = "x86_64",
@@ -35,8 +36,8 @@ mod simd;
 mod smallest;
 mod two_means;
 
-pub use auto_index::{AutoIndex, IndexKind};
-pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED, distance_squared};
+pub use auto_index::AutoIndex;
+pub use descriptor::{Descriptor, distance_squared};
 pub use error::IndexError;
 pub use exact_scan::ExactScan;
 pub use index::{DescriptorIndex, Neighbour, TwoNearest};

@@ -1,6 +1,6 @@
 //! Scan of a short list for a few queries, of which most rows are known to be too far.
 //!
-//! [`crate::rows`] keeps the best of every lane, which pays over thousands of rows. In a list of a hundred rows,
+//! [`crate::row_scan`] keeps the best of every lane, which pays over thousands of rows. In a list of a hundred rows,
 //! one of many for the query, the distance to beat is known from the lists before: the kernel compares with it and
 //! reports the few rows within. The order of rows and of queries does not matter to collectors that break ties by id.
 

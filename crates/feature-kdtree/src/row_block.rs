@@ -17,13 +17,13 @@
 //! of the block in its run (9 bits), and each lane keeps its two smallest keys. All of it is integer arithmetic:
 //! every level of instructions gives the same bits.
 
-use crate::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED};
+use crate::descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED};
 
 /// Rows in a block: 32-bit lanes of a 512-bit register.
 pub(crate) const LANES: usize = 16;
 /// Groups of four components.
 pub(crate) const GROUPS: usize = DESCRIPTOR_LENGTH / 4;
-/// Bits of a key that number the block; 23 are left for [`crate::MAX_DISTANCE_SQUARED`] and the parity.
+/// Bits of a key that number the block; 23 are left for [`MAX_DISTANCE_SQUARED`] and the parity.
 pub(crate) const BLOCK_BITS: u32 = 9;
 /// The bits that number the block.
 pub(crate) const BLOCK_MASK: u32 = (1 << BLOCK_BITS) - 1;

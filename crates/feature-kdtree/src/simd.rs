@@ -2,7 +2,7 @@
 //!
 //! A kernel computes the distances of a group of queries to a run of row blocks and reports the rows near enough to
 //! matter. Each row that is loaded serves all queries of a group. Every level gives the same bits, because all of it is
-//! integer arithmetic; the tests of [`crate::rows`] compare the levels with one another. On aarch64 the portable kernels
+//! integer arithmetic; the tests of [`crate::row_scan`] compare the levels with one another. On aarch64 the portable kernels
 //! run: NEON is part of every such processor, and the compiler uses it.
 //!
 //! This is the only module of the crate with `unsafe` code: the calls that enter code compiled for a level, and the loads

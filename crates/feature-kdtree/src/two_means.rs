@@ -18,9 +18,10 @@ use std::cmp::Reverse;
 
 use simd_level::SimdLevel;
 
+use crate::descriptor::{DESCRIPTOR_LENGTH, Descriptor};
 use crate::row_block::PreparedQuery;
+use crate::row_scan;
 use crate::rows::Rows;
-use crate::{DESCRIPTOR_LENGTH, Descriptor};
 
 /// Rows that the centroids are found from.
 const SAMPLE: usize = 256;
@@ -106,7 +107,7 @@ fn thin(rows: &Rows, descriptors: &[Descriptor], step: usize) -> (Rows, Vec<Desc
 
 fn distances(level: SimdLevel, rows: &Rows, from: &Descriptor) -> Vec<u32> {
     let mut distances = Vec::new();
-    rows.distances(level, &PreparedQuery::new(from), &mut distances);
+    row_scan::distances(rows, level, &PreparedQuery::new(from), &mut distances);
     distances
 }
 

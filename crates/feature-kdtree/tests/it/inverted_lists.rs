@@ -1,16 +1,17 @@
 //! Inverted lists: exact when they look at all lists, always two when two are accepted, bounded whatever comes.
 
-mod support;
-
 use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, IndexError, InvertedLists, InvertedListsParams,
     match_descriptors,
 };
 use proptest::prelude::*;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use simd_level::SimdLevel;
-use support::{Scene, naive_two_nearest, uniform};
+
+use crate::scene::Scene;
+use crate::support::{
+    Change, Frequencies, Numbered, batch, change, check_entries, check_exact, corpora, counted,
+    counted_down, filled, naive_two_nearest, queries_for,
+};
 
 fn lists(list_capacity: usize, probes: Option<usize>) -> InvertedLists {
     InvertedLists::new(InvertedListsParams {
@@ -20,75 +21,33 @@ fn lists(list_capacity: usize, probes: Option<usize>) -> InvertedLists {
     .expect("parameters are in range")
 }
 
-fn filled(mut index: InvertedLists, entries: &[Descriptor]) -> InvertedLists {
-    for (id, descriptor) in (0..).zip(entries) {
-        index.insert(id, descriptor).expect("ids are unique");
-    }
-    index
-}
-
-fn in_plane(rng: &mut ChaCha8Rng) -> Descriptor {
-    let mut descriptor = [0; 128];
-    descriptor[3] = rng.random();
-    descriptor[100] = rng.random();
-    descriptor
-}
-
-/// Descriptors by the name of what is degenerate about them.
-fn corpora() -> Vec<(&'static str, Vec<Descriptor>)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(11);
-    let mut scene = Scene::new(12, 40);
-    let few = scene.entries(3);
-    vec![
-        ("random", (0..2000).map(|_| uniform(&mut rng)).collect()),
-        ("clustered", scene.entries(2000)),
-        ("duplicated", (0..2000).map(|i| few[i % 3]).collect()),
-        ("constant", vec![[17; 128]; 2000]),
-        ("plane", (0..2000).map(|_| in_plane(&mut rng)).collect()),
-        ("one entry", vec![[1; 128]]),
-        ("two entries", vec![[1; 128], [2; 128]]),
-    ]
-}
-
-fn queries_for(entries: &[Descriptor]) -> Vec<Descriptor> {
-    let mut rng = ChaCha8Rng::seed_from_u64(13);
-    let mut scene = Scene::new(14, 4);
-    let mut queries = vec![[0; 128], [255; 128], [17; 128], uniform(&mut rng)];
-    for _ in 0..15 {
-        let entry = entries[rng.random_range(0..entries.len())];
-        queries.push(entry);
-        queries.push(scene.seen_again(&entry, 8.0));
-    }
-    queries
-}
-
 #[test]
 fn all_lists_together_are_exact_on_every_corpus_and_level() {
-    for (name, entries) in corpora() {
-        // Ids run against the order of insertion, so ties cannot be right by accident.
-        let numbered: Vec<(u32, Descriptor)> = (0..entries.len())
-            .map(|i| (10_000 - 3 * i as u32, entries[i]))
-            .collect();
+    let odd = |id: u32| id % 2 == 1;
+    for (name, entries) in corpora(2000) {
+        let numbered = counted_down(&entries);
         let queries = queries_for(&entries);
+        let expected: Vec<_> = queries
+            .iter()
+            .map(|query| naive_two_nearest(&numbered, query, |_| true))
+            .collect();
+        let expected_odd: Vec<_> = queries
+            .iter()
+            .map(|query| naive_two_nearest(&numbered, query, odd))
+            .collect();
         for level in SimdLevel::available() {
             let params = InvertedListsParams {
                 list_capacity: 24,
                 probes: Some(usize::MAX),
             };
-            let mut index = InvertedLists::with_level(params, level).unwrap();
-            for (id, descriptor) in &numbered {
-                index.insert(*id, descriptor).unwrap();
-            }
-            let mut batch = Vec::new();
-            index.two_nearest_batch(&queries, &mut batch);
-            for (query, found) in queries.iter().zip(batch) {
-                let expected = naive_two_nearest(&numbered, query, |_| true);
-                assert_eq!(found, expected, "batch, {name}, {level:?}");
-                assert_eq!(index.two_nearest(query), expected, "{name}, {level:?}");
-                let odd = |id: u32| id % 2 == 1;
-                let expected = naive_two_nearest(&numbered, query, odd);
+            let index = filled(InvertedLists::with_level(params, level).unwrap(), &numbered);
+            assert_eq!(batch(&index, &queries), expected, "batch, {name}, {level}");
+            for ((query, expected), expected_odd) in
+                queries.iter().zip(&expected).zip(&expected_odd)
+            {
+                assert_eq!(index.two_nearest(query), *expected, "{name}, {level}");
                 let found = index.two_nearest_where(query, &odd);
-                assert_eq!(found, expected, "where, {name}, {level:?}");
+                assert_eq!(found, *expected_odd, "where, {name}, {level}");
             }
         }
     }
@@ -106,7 +65,10 @@ fn few_probes_give_the_same_on_every_level_one_by_one_and_in_batches_of_any_size
         probes: Some(3),
     };
     let mut of_levels = SimdLevel::available().map(|level| {
-        let index = filled(InvertedLists::with_level(params, level).unwrap(), &entries);
+        let index = filled(
+            InvertedLists::with_level(params, level).unwrap(),
+            &counted(&entries),
+        );
         let mut found = Vec::new();
         index.two_nearest_batch(&queries, &mut found);
         let alone: Vec<_> = queries.iter().map(|q| index.two_nearest(q)).collect();
@@ -131,15 +93,12 @@ fn the_nearest_is_found_as_often_as_the_readme_says() {
     for entries in [3000, 10_000] {
         let mut scene = Scene::new(77, entries / 25);
         let descriptors = scene.entries(entries);
-        let index = filled(lists(128, None), &descriptors);
+        let index = filled(lists(128, None), &counted(&descriptors));
         assert!(
             index.probes() < index.list_count() / 2,
             "the bound must bind for the test to say anything"
         );
-        let mut scan = ExactScan::new();
-        for (id, descriptor) in (0..).zip(&descriptors) {
-            scan.insert(id, descriptor).unwrap();
-        }
+        let scan = filled(ExactScan::new(), &counted(&descriptors));
         let queries: Vec<Descriptor> = (0..QUERIES)
             .map(|_| {
                 let entry = scene.position(entries);
@@ -161,7 +120,7 @@ fn the_nearest_is_found_as_often_as_the_readme_says() {
 fn more_probes_find_more() {
     let mut scene = Scene::new(5, 100);
     let entries = scene.entries(4000);
-    let mut index = filled(lists(32, Some(1)), &entries);
+    let mut index = filled(lists(32, Some(1)), &counted(&entries));
     let queries: Vec<Descriptor> = (0..500)
         .map(|i| scene.seen_again(&entries[8 * i], 16.0))
         .collect();
@@ -238,7 +197,7 @@ fn lists_stay_near_their_capacity_when_the_stream_drifts() {
 #[test]
 fn memory_is_rows_and_ids_with_a_third_on_top() {
     let entries = Scene::new(8, 400).entries(20_000);
-    let index = filled(lists(128, None), &entries);
+    let index = filled(lists(128, None), &counted(&entries));
     let least = entries.len() * (128 + 4 + 4);
     let used = index.memory_usage();
     assert!(
@@ -258,7 +217,7 @@ fn rebuilding_forgets_the_history() {
     for i in 2000..3000 {
         assert!(with_history.remove(i));
     }
-    let mut fresh = filled(lists(32, Some(2)), &entries[..2000]);
+    let mut fresh = filled(lists(32, Some(2)), &counted(&entries[..2000]));
     let queries: Vec<Descriptor> = (0..400)
         .map(|i| scene.seen_again(&entries[5 * i], 16.0))
         .collect();
@@ -286,8 +245,8 @@ fn rebuilding_forgets_the_history() {
 fn a_rare_filter_still_gets_two() {
     let mut scene = Scene::new(31, 30);
     let entries = scene.entries(4000);
-    let index = filled(lists(32, Some(1)), &entries);
-    let numbered: Vec<(u32, Descriptor)> = (0..).zip(entries.iter().copied()).collect();
+    let index = filled(lists(32, Some(1)), &counted(&entries));
+    let numbered = counted(&entries);
     for query in entries.iter().take(50) {
         let rare = |id: u32| id % 1997 == 1;
         let found = index.two_nearest_where(query, &rare).unwrap();
@@ -310,7 +269,7 @@ fn matches_do_not_depend_on_the_number_of_threads() {
     let queries: Vec<Descriptor> = (0..600)
         .map(|i| scene.seen_again(&entries[8 * i], 12.0))
         .collect();
-    let index = filled(lists(32, Some(3)), &entries);
+    let index = filled(lists(32, Some(3)), &counted(&entries));
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap()
@@ -338,7 +297,7 @@ fn errors_carry_the_numbers_and_change_nothing() {
     assert_eq!(too_small(2, Some(0)), "probes must be at least 1, given 0");
     let mut index = lists(2, None);
     assert!(index.set_probes(Some(0)).is_err());
-    assert_eq!(index.params().probes, None);
+    assert_eq!(index.probes(), lists(2, None).probes());
     assert!(index.is_empty() && index.two_nearest(&[0; 128]).is_none());
     assert!(!index.remove(7));
     index.insert(7, &[1; 128]).unwrap();
@@ -352,86 +311,43 @@ fn errors_carry_the_numbers_and_change_nothing() {
     assert_eq!(index.descriptor(7), Some([2; 128]));
 }
 
-#[derive(Debug, Clone)]
-enum Change {
-    Insert(u32, Descriptor),
-    Remove(u32),
-    Query(Descriptor),
-}
-
-/// Few distinct values in few components: many ties, duplicates and planes.
-fn coarse_descriptor() -> impl Strategy<Value = Descriptor> {
-    (0..4_u8, 0..4_u8, 0..3_u8, any::<bool>()).prop_map(|(a, b, c, wide)| {
-        let mut descriptor = [if wide { 200 } else { 0 }; 128];
-        descriptor[0] = 60 * a;
-        descriptor[63] = 60 * b;
-        descriptor[127] = 100 * c;
-        descriptor
-    })
-}
-
-fn change() -> impl Strategy<Value = Change> {
-    let any_descriptor = prop_oneof![
-        2 => coarse_descriptor(),
-        2 => any::<[u8; 32]>().prop_map(|part| std::array::from_fn(|i| part[i % 32])),
-    ]
-    .boxed();
-    prop_oneof![
-        6 => (0..300_u32, any_descriptor.clone()).prop_map(|(id, d)| Change::Insert(id, d)),
-        3 => (0..300_u32).prop_map(Change::Remove),
-        1 => any_descriptor.prop_map(Change::Query),
-    ]
-}
+const OFTEN: Frequencies = Frequencies {
+    ids: 300,
+    coarse: 1,
+    changes: [6, 3, 1],
+    queries: 2,
+};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_sequence_of_changes_agrees_with_the_naive_model(
-        changes in prop::collection::vec(change(), 1..900),
+        changes in prop::collection::vec(change(OFTEN), 1..900),
         list_capacity in 2..10_usize,
     ) {
-        let mut model: Vec<(u32, Descriptor)> = Vec::new();
+        let mut model = Numbered::new();
         let mut exact = lists(list_capacity, Some(usize::MAX));
         let mut bounded = lists(list_capacity, Some(1));
         for change in &changes {
-            match change {
-                Change::Insert(id, descriptor) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    prop_assert_eq!(exact.insert(*id, descriptor).is_err(), present);
-                    prop_assert_eq!(bounded.insert(*id, descriptor).is_err(), present);
-                    if !present {
-                        model.push((*id, *descriptor));
-                    }
-                }
-                Change::Remove(id) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    prop_assert_eq!(exact.remove(*id), present);
-                    prop_assert_eq!(bounded.remove(*id), present);
-                    model.retain(|(other, _)| other != id);
-                }
-                Change::Query(query) => {
-                    let expected = naive_two_nearest(&model, query, |_| true);
-                    prop_assert_eq!(exact.two_nearest(query), expected);
-                    // A bounded search may miss, and never claims what is not so.
-                    let found = bounded.two_nearest(query);
-                    prop_assert_eq!(found.is_some(), expected.is_some());
-                    if let (Some(found), Some(expected)) = (found, expected) {
-                        prop_assert!(found.first >= expected.first);
-                        prop_assert_eq!(found.second.is_some(), expected.second.is_some());
-                        prop_assert!(model.iter().any(|(id, _)| *id == found.first.id));
-                    }
-                    let accept = |id: u32| !id.is_multiple_of(3);
-                    let expected = naive_two_nearest(&model, query, accept);
-                    prop_assert_eq!(exact.two_nearest_where(query, &accept), expected);
+            change.make(&mut model, &mut [&mut exact, &mut bounded])?;
+            let Change::Query(queries) = change else {
+                continue;
+            };
+            check_exact(&exact, &model, queries)?;
+            for query in queries {
+                // A bounded search may miss an entry, but never claims one that is not there.
+                let expected = naive_two_nearest(&model, query, |_| true);
+                let found = bounded.two_nearest(query);
+                prop_assert_eq!(found.is_some(), expected.is_some());
+                if let (Some(found), Some(expected)) = (found, expected) {
+                    prop_assert!(found.first >= expected.first);
+                    prop_assert_eq!(found.second.is_some(), expected.second.is_some());
+                    prop_assert!(model.iter().any(|(id, _)| *id == found.first.id));
                 }
             }
-            prop_assert_eq!(exact.len(), model.len());
-            prop_assert_eq!(bounded.len(), model.len());
         }
-        for (id, descriptor) in &model {
-            prop_assert_eq!(exact.descriptor(*id), Some(*descriptor));
-            prop_assert_eq!(bounded.descriptor(*id), Some(*descriptor));
-        }
+        check_entries(&exact, &model)?;
+        check_entries(&bounded, &model)?;
     }
 }

@@ -1,14 +1,17 @@
 //! Every index against sorting everything, on the data that breaks trees.
 
-mod support;
-
 use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, IndexError, KdForest, KdForestParams,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Scene, corpora, naive_two_nearest, queries_for};
+
+use crate::scene::Scene;
+use crate::support::{
+    Change, Frequencies, Numbered, change, check_entries, check_exact, corpora, counted,
+    counted_down, filled, naive_two_nearest, queries_for,
+};
 
 fn exact_forest(leaf_capacity: usize) -> KdForest {
     KdForest::new(KdForestParams {
@@ -22,17 +25,10 @@ fn exact_forest(leaf_capacity: usize) -> KdForest {
 
 #[test]
 fn exact_indexes_agree_with_sorting_on_every_corpus() {
-    for (name, entries) in corpora() {
-        // Ids run against the order of insertion, so ties cannot be right by accident.
-        let numbered: Vec<(u32, Descriptor)> = (0..entries.len())
-            .map(|i| (10_000 - 3 * i as u32, entries[i]))
-            .collect();
-        let mut scan = ExactScan::new();
-        let mut forest = exact_forest(4);
-        for (id, descriptor) in &numbered {
-            scan.insert(*id, descriptor).unwrap();
-            forest.insert(*id, descriptor).unwrap();
-        }
+    for (name, entries) in corpora(300) {
+        let numbered = counted_down(&entries);
+        let scan = filled(ExactScan::new(), &numbered);
+        let forest = filled(exact_forest(4), &numbered);
         for query in queries_for(&entries) {
             let expected = naive_two_nearest(&numbered, &query, |_| true);
             assert_eq!(scan.two_nearest(&query), expected, "scan, {name}");
@@ -55,20 +51,15 @@ fn exact_indexes_agree_with_sorting_on_every_corpus() {
 
 #[test]
 fn exact_answers_do_not_depend_on_the_order_of_insertion() {
-    for (name, entries) in corpora() {
+    for (name, entries) in corpora(300) {
         let count = entries.len();
         // 7919 is prime and larger than any corpus: a permutation.
-        let shuffled: Vec<usize> = (0..count).map(|i| i * 7919 % count).collect();
-        let (mut scan, mut scan_shuffled) = (ExactScan::new(), ExactScan::new());
-        let (mut forest, mut forest_shuffled) = (exact_forest(3), exact_forest(3));
-        for i in 0..count {
-            scan.insert(i as u32, &entries[i]).unwrap();
-            forest.insert(i as u32, &entries[i]).unwrap();
-        }
-        for &i in &shuffled {
-            scan_shuffled.insert(i as u32, &entries[i]).unwrap();
-            forest_shuffled.insert(i as u32, &entries[i]).unwrap();
-        }
+        let numbered = counted(&entries);
+        let shuffled: Numbered = (0..count).map(|i| numbered[i * 7919 % count]).collect();
+        let scan = filled(ExactScan::new(), &numbered);
+        let scan_shuffled = filled(ExactScan::new(), &shuffled);
+        let forest = filled(exact_forest(3), &numbered);
+        let forest_shuffled = filled(exact_forest(3), &shuffled);
         for query in queries_for(&entries) {
             let expected = scan.two_nearest(&query);
             assert_eq!(scan_shuffled.two_nearest(&query), expected, "{name}");
@@ -112,15 +103,12 @@ fn distances_on_a_plane_agree_with_kiddo() {
 fn a_bounded_search_still_reports_two_when_two_are_accepted() {
     let mut scene = Scene::new(31, 30);
     let entries = scene.entries(2000);
-    let mut forest = KdForest::new(KdForestParams {
+    let params = KdForestParams {
         max_leaves: 1,
         ..KdForestParams::default()
-    })
-    .unwrap();
-    let numbered: Vec<(u32, Descriptor)> = (0..).zip(entries.iter().copied()).collect();
-    for (id, descriptor) in &numbered {
-        forest.insert(*id, descriptor).unwrap();
-    }
+    };
+    let numbered = counted(&entries);
+    let forest = filled(KdForest::new(params).unwrap(), &numbered);
     for query in entries.iter().take(50) {
         let rare = |id: u32| id % 997 == 1;
         let found = forest.two_nearest_where(query, &rare).unwrap();
@@ -220,75 +208,32 @@ fn errors_carry_the_numbers_and_change_nothing() {
     }
 }
 
-#[derive(Debug, Clone)]
-enum Change {
-    Insert(u32, Descriptor),
-    Remove(u32),
-    Query(Descriptor),
-}
-
-/// Few distinct values in few components: many ties, duplicates and planes.
-fn coarse_descriptor() -> impl Strategy<Value = Descriptor> {
-    (0..4_u8, 0..4_u8, 0..3_u8, any::<bool>()).prop_map(|(a, b, c, wide)| {
-        let mut descriptor = [if wide { 200 } else { 0 }; 128];
-        descriptor[0] = 60 * a;
-        descriptor[63] = 60 * b;
-        descriptor[127] = 100 * c;
-        descriptor
-    })
-}
-
-fn change() -> impl Strategy<Value = Change> {
-    let any_descriptor = prop_oneof![
-        4 => coarse_descriptor(),
-        1 => any::<[u8; 32]>().prop_map(|part| std::array::from_fn(|i| part[i % 32])),
-    ]
-    .boxed();
-    prop_oneof![
-        6 => (0..200_u32, any_descriptor.clone()).prop_map(|(id, d)| Change::Insert(id, d)),
-        3 => (0..200_u32).prop_map(Change::Remove),
-        2 => any_descriptor.prop_map(Change::Query),
-    ]
-}
+const OFTEN: Frequencies = Frequencies {
+    ids: 200,
+    coarse: 4,
+    changes: [6, 3, 2],
+    queries: 2,
+};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_sequence_of_changes_agrees_with_the_naive_model(
-        changes in prop::collection::vec(change(), 1..400),
+        changes in prop::collection::vec(change(OFTEN), 1..400),
         leaf_capacity in 1..6_usize,
     ) {
-        let mut model: Vec<(u32, Descriptor)> = Vec::new();
+        let mut model = Numbered::new();
         let mut scan = ExactScan::new();
         let mut forest = exact_forest(leaf_capacity);
         for change in &changes {
-            match change {
-                Change::Insert(id, descriptor) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    prop_assert_eq!(scan.insert(*id, descriptor).is_err(), present);
-                    prop_assert_eq!(forest.insert(*id, descriptor).is_err(), present);
-                    if !present {
-                        model.push((*id, *descriptor));
-                    }
-                }
-                Change::Remove(id) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    prop_assert_eq!(scan.remove(*id), present);
-                    prop_assert_eq!(forest.remove(*id), present);
-                    model.retain(|(other, _)| other != id);
-                }
-                Change::Query(query) => {
-                    let expected = naive_two_nearest(&model, query, |_| true);
-                    prop_assert_eq!(scan.two_nearest(query), expected);
-                    prop_assert_eq!(forest.two_nearest(query), expected);
-                    let accept = |id: u32| !id.is_multiple_of(3);
-                    let expected = naive_two_nearest(&model, query, accept);
-                    prop_assert_eq!(forest.two_nearest_where(query, &accept), expected);
-                }
+            change.make(&mut model, &mut [&mut scan, &mut forest])?;
+            if let Change::Query(queries) = change {
+                check_exact(&scan, &model, queries)?;
+                check_exact(&forest, &model, queries)?;
             }
-            prop_assert_eq!(scan.len(), model.len());
-            prop_assert_eq!(forest.len(), model.len());
         }
+        check_entries(&scan, &model)?;
+        check_entries(&forest, &model)?;
     }
 }

@@ -2,37 +2,25 @@
 //!
 //! What differs between the levels, and between one query and a batch, is only the time.
 
-mod support;
-
-use feature_kdtree::{
-    Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest, match_descriptors,
-};
+use feature_kdtree::{Descriptor, DescriptorIndex, ExactScan, IndexError, match_descriptors};
 use proptest::prelude::*;
 use simd_level::SimdLevel;
-use support::{Scene, corpora, naive_two_nearest, queries_for};
 
-type Numbered = Vec<(u32, Descriptor)>;
+use crate::scene::Scene;
+use crate::support::{
+    Change, Frequencies, Numbered, batch, change, check_entries, check_exact, corpora, counted,
+    counted_down, filled, naive_two_nearest, queries_for,
+};
 
 fn scan_of(level: SimdLevel, entries: &[(u32, Descriptor)]) -> ExactScan {
-    let mut scan = ExactScan::with_level(level);
-    for (id, descriptor) in entries {
-        scan.insert(*id, descriptor).expect("ids are unique");
-    }
-    scan
-}
-
-fn batch(index: &impl DescriptorIndex, queries: &[Descriptor]) -> Vec<Option<TwoNearest>> {
-    // What was found before must not matter.
-    let mut found = vec![None; 3];
-    index.two_nearest_batch(queries, &mut found);
-    found
+    filled(ExactScan::with_level(level), entries)
 }
 
 #[test]
 fn every_level_and_every_way_to_ask_agree_with_sorting() {
-    for (name, entries) in corpora() {
+    for (name, entries) in corpora(300) {
         // Against the order of insertion and along it: ties cannot be right by accident.
-        let down: Numbered = (0..).map(|i| 10_000 - 3 * i).zip(entries.clone()).collect();
+        let down = counted_down(&entries);
         let up: Numbered = (0..).map(|i| 7 + 2 * i).zip(entries.clone()).collect();
         let queries = queries_for(&entries);
         for numbered in [down, up] {
@@ -70,7 +58,7 @@ fn every_level_and_every_way_to_ask_agree_with_sorting() {
 #[test]
 fn batches_of_every_size_answer_as_single_queries() {
     let mut scene = Scene::new(51, 12);
-    let numbered: Numbered = (0..).zip(scene.entries(333)).collect();
+    let numbered = counted(&scene.entries(333));
     let queries = scene.entries(1000);
     for level in SimdLevel::available() {
         let scan = scan_of(level, &numbered);
@@ -90,10 +78,7 @@ fn batches_of_every_size_answer_as_single_queries() {
 fn gathering_passes_over_absent_and_repeated_ids() {
     let mut scene = Scene::new(52, 5);
     let entries = scene.entries(40);
-    let scan = scan_of(
-        SimdLevel::best(),
-        &(0..).zip(entries.iter().copied()).collect::<Numbered>(),
-    );
+    let scan = scan_of(SimdLevel::best(), &counted(&entries));
     let part = ExactScan::gathered(&scan, [30, 2, 77, 2, 30, 9]);
     assert_eq!(part.len(), 3);
     for id in [30, 2, 9] {
@@ -106,8 +91,8 @@ fn gathering_passes_over_absent_and_repeated_ids() {
 
 #[test]
 fn a_scan_collected_from_entries_answers_as_one_filled_entry_by_entry() {
-    for (name, entries) in corpora() {
-        let numbered: Numbered = (0..).map(|i| 10_000 - 3 * i).zip(entries.clone()).collect();
+    for (name, entries) in corpora(300) {
+        let numbered = counted_down(&entries);
         let inserted = scan_of(SimdLevel::best(), &numbered);
         // References and values; an iterator that knows its length and one that does not.
         let of_references: ExactScan = numbered.iter().map(|(id, d)| (*id, d)).collect();
@@ -162,7 +147,7 @@ fn exact_matches_do_not_depend_on_threads_levels_or_order() {
     let queries: Vec<Descriptor> = (0..700)
         .map(|i| scene.seen_again(&entries[2 * i], 12.0))
         .collect();
-    let up: Numbered = (0..).zip(entries.iter().copied()).collect();
+    let up = counted(&entries);
     let down: Numbered = up.iter().rev().copied().collect();
     let mut answers = Vec::new();
     for level in SimdLevel::available() {
@@ -181,87 +166,37 @@ fn exact_matches_do_not_depend_on_threads_levels_or_order() {
     assert!(answers.iter().all(|other| *other == answers[0]));
 }
 
-#[derive(Debug, Clone)]
-enum Change {
-    Insert(u32, Descriptor),
-    Remove(u32),
-    Query(Vec<Descriptor>),
-}
-
-/// Few distinct values in few components, 0 and 255 among them: ties, duplicates, planes and extremes.
-fn coarse_descriptor() -> impl Strategy<Value = Descriptor> {
-    (0..4_u8, 0..2_u8, 0..3_u8, any::<bool>()).prop_map(|(a, b, c, wide)| {
-        let mut descriptor = [if wide { 255 } else { 0 }; 128];
-        descriptor[0] = 85 * a;
-        descriptor[63] = 255 * b;
-        descriptor[127] = 127 * c;
-        descriptor
-    })
-}
-
-fn change() -> impl Strategy<Value = Change> {
-    let any_descriptor = prop_oneof![
-        4 => coarse_descriptor(),
-        1 => any::<[u8; 32]>().prop_map(|part| std::array::from_fn(|i| part[i % 32])),
-    ]
-    .boxed();
-    let queries = prop::collection::vec(any_descriptor.clone(), 1..9);
-    prop_oneof![
-        8 => (0..120_u32, any_descriptor).prop_map(|(id, d)| Change::Insert(id, d)),
-        3 => (0..120_u32).prop_map(Change::Remove),
-        1 => queries.prop_map(Change::Query),
-    ]
-}
+const OFTEN: Frequencies = Frequencies {
+    ids: 120,
+    coarse: 4,
+    changes: [8, 3, 1],
+    queries: 9,
+};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_sequence_of_changes_agrees_with_the_naive_model(
-        changes in prop::collection::vec(change(), 1..400),
+        changes in prop::collection::vec(change(OFTEN), 1..400),
     ) {
-        let mut model: Numbered = Vec::new();
+        let mut model = Numbered::new();
         let mut scans: Vec<ExactScan> =
             SimdLevel::available().map(ExactScan::with_level).collect();
         for change in &changes {
-            match change {
-                Change::Insert(id, descriptor) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    for scan in &mut scans {
-                        prop_assert_eq!(scan.insert(*id, descriptor).is_err(), present);
-                    }
-                    if !present {
-                        model.push((*id, *descriptor));
-                    }
-                }
-                Change::Remove(id) => {
-                    let present = model.iter().any(|(other, _)| other == id);
-                    for scan in &mut scans {
-                        prop_assert_eq!(scan.remove(*id), present);
-                    }
-                    model.retain(|(other, _)| other != id);
-                }
-                Change::Query(queries) => {
-                    let accept = |id: u32| !id.is_multiple_of(3);
-                    for scan in &scans {
-                        let found = batch(scan, queries);
-                        for (query, found) in queries.iter().zip(found) {
-                            let expected = naive_two_nearest(&model, query, |_| true);
-                            prop_assert_eq!(found, expected);
-                            let expected = naive_two_nearest(&model, query, accept);
-                            prop_assert_eq!(scan.two_nearest_where(query, &accept), expected);
-                        }
-                    }
-                }
+            let mut indexes: Vec<&mut dyn DescriptorIndex> = Vec::new();
+            for scan in &mut scans {
+                indexes.push(scan);
             }
-            for scan in &scans {
-                prop_assert_eq!(scan.len(), model.len());
+            change.make(&mut model, &mut indexes)?;
+            if let Change::Query(queries) = change {
+                for scan in &scans {
+                    check_exact(scan, &model, queries)?;
+                }
             }
         }
-        for (id, descriptor) in &model {
-            for scan in &scans {
-                prop_assert_eq!(scan.descriptor(*id), Some(*descriptor));
-            }
+        for scan in &scans {
+            check_entries(scan, &model)?;
         }
     }
 }

@@ -3,10 +3,10 @@
 //! The bound is that of a binomial proportion: with a claimed recall p and n queries the measured share lies above
 //! p - 4 sqrt(p (1 - p) / n) but for a chance of 3e-5. The claim is the README's.
 
-mod support;
-
 use feature_kdtree::{Descriptor, DescriptorIndex, ExactScan, KdForest, KdForestParams};
-use support::Scene;
+
+use crate::scene::Scene;
+use crate::support::{counted, filled};
 
 const QUERIES: usize = 1000;
 const CLAIMED_RECALL: f64 = 0.99;
@@ -20,12 +20,9 @@ struct Recall {
 fn measure(entries: usize, noise: f64, params: KdForestParams) -> Recall {
     let mut scene = Scene::new(77, entries / 25);
     let descriptors = scene.entries(entries);
-    let mut forest = KdForest::new(params).expect("parameters are in range");
-    let mut scan = ExactScan::new();
-    for (id, descriptor) in (0..).zip(&descriptors) {
-        forest.insert(id, descriptor).expect("ids are unique");
-        scan.insert(id, descriptor).expect("ids are unique");
-    }
+    let numbered = counted(&descriptors);
+    let forest = filled(KdForest::new(params).unwrap(), &numbered);
+    let scan = filled(ExactScan::new(), &numbered);
     let mut nearest = 0.0;
     let mut both = 0.0;
     for _ in 0..QUERIES {

@@ -1,12 +1,12 @@
 //! The rules of matching: ratio on squared distances, one to one, mutual, any number of threads.
 
-mod support;
-
 use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, IndexError, KdForest, KdForestParams, Match,
     match_descriptors, match_mutual,
 };
-use support::{Scene, naive_two_nearest};
+
+use crate::scene::Scene;
+use crate::support::{counted, filled, naive_two_nearest};
 
 /// At squared distance `value^2` from zero.
 fn along_first_axis(value: u8) -> Descriptor {
@@ -16,11 +16,7 @@ fn along_first_axis(value: u8) -> Descriptor {
 }
 
 fn index_of(entries: &[Descriptor]) -> ExactScan {
-    let mut index = ExactScan::new();
-    for (id, descriptor) in (0..).zip(entries) {
-        index.insert(id, descriptor).expect("ids are unique");
-    }
-    index
+    (0..).zip(entries).collect()
 }
 
 #[test]
@@ -107,7 +103,7 @@ fn a_ratio_out_of_range_is_an_error() {
 
 /// The definition, written out: Eq. 21 on distances, then the best query of each entry.
 fn naive_matches(queries: &[Descriptor], entries: &[Descriptor], ratio: f64) -> Vec<(u32, u32)> {
-    let numbered: Vec<(u32, Descriptor)> = (0..).zip(entries.iter().copied()).collect();
+    let numbered = counted(entries);
     let candidates: Vec<(u32, u32, u32)> = (0..)
         .zip(queries)
         .filter_map(|(query, descriptor)| {
@@ -159,10 +155,8 @@ fn matches_do_not_depend_on_the_number_of_threads() {
     let queries: Vec<Descriptor> = (0..400)
         .map(|i| scene.seen_again(&entries[7 * i], 12.0))
         .collect();
-    let mut forest = KdForest::new(KdForestParams::default()).unwrap();
-    for (id, descriptor) in (0..).zip(&entries) {
-        forest.insert(id, descriptor).unwrap();
-    }
+    let forest = KdForest::new(KdForestParams::default()).unwrap();
+    let forest = filled(forest, &counted(&entries));
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
