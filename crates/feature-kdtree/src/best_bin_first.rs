@@ -8,8 +8,8 @@
 //!
 //! The distance to a cell is exact: it is the sum over components of the squared offset to the cell's side, and
 //! a later split in the same component replaces the earlier offset instead of adding to it (Arya and Mount 1993).
-//! So without a bound on leaves the search is exact, and ties still go to the lower id because a cell exactly
-//! as far as the second nearest is still visited.
+//! Without a bound on leaves the search is therefore exact, and ties go to the lower id, because a cell exactly as far
+//! as the second nearest is still visited.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -22,10 +22,10 @@ use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
 use crate::{Descriptor, Neighbour};
 
-/// No turn away from the query yet.
+/// The path to a cell has not turned away from the query yet.
 const NO_TURN: u32 = u32::MAX;
 
-/// A cell to visit. The order of the fields is the order of visits, so that it is the same on every run.
+/// A cell to visit. The order of the fields is the order of visits, which makes that order the same on every run.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Branch {
     cell_distance_squared: u32,
@@ -34,7 +34,7 @@ struct Branch {
     turn: u32,
 }
 
-/// A split at which the path to a cell left the query's side, and the turn before it.
+/// A split at which the path to a cell left the side of the query, and the turn before it.
 #[derive(Debug)]
 struct Turn {
     dimension: u8,
@@ -42,7 +42,7 @@ struct Turn {
     previous: u32,
 }
 
-/// What the search found and whether the bound on leaves ended it.
+/// The result of a search, and whether the bound on leaves ended it.
 #[derive(Debug)]
 pub(crate) struct Found {
     pub(crate) best: BestTwo,
@@ -156,7 +156,7 @@ impl<F: Fn(u32) -> bool> Collector for Accepted<F> {
     }
 }
 
-/// Squared offset the path already has in this component; zero when it never turned away in it.
+/// The squared offset that the path already has in this component; zero when it never turned away in it.
 fn offset_squared_in(turns: &[Turn], last: u32, dimension: u8) -> u32 {
     let mut turn = last;
     while turn != NO_TURN {

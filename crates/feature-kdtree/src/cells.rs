@@ -4,20 +4,20 @@
 //! (inverted lists: Sivic and Zisserman 2003; Jégou, Douze and Schmid 2011). No training set is ever needed:
 //!
 //! 1. A row goes to the cell of the nearest centroid the directory finds.
-//! 2. A cell over its capacity is divided in two ([`crate::two_means`]); at most one division in
-//!    [`CHANGES_PER_DIVISION`] changes, the others wait in line. Two new cells come from one, and fill up only
-//!    after half a capacity of changes, so the line stays short and no change pays for more than one division.
+//! 2. A cell over its capacity is divided in two ([`crate::two_means`]). There is at most one division in
+//!    [`CHANGES_PER_DIVISION`] changes; further cells wait in line. The two halves of a cell fill up only after half a
+//!    capacity of changes, so the line stays short, and no change pays for more than one division.
 //! 3. After a division the rows of the neighbouring cells that are nearer to a new centroid move over (Xu et al.,
-//!    SPFresh, 2023). Without it rows sit behind borders that are no longer there and recall drops.
+//!    SPFresh, 2023). Without this step rows stay behind borders that have moved, and fewer neighbours are found.
 //! 4. A cell that removals leave with less than an eighth of the capacity is dissolved: its rows go to their
 //!    nearest cells.
 //!
-//! Which centroid is nearest is asked of a [`Directory`]: either all centroids in a row, or again cells, of
-//! centroids. Two storeys make the cost of finding a cell O(n^(1/3)) with cells of constant size.
+//! A [`Directory`] finds the nearest centroid: either it looks at all centroids, or it keeps them in cells again. Two
+//! storeys make the cost of finding a cell O(n^(1/3)) with cells of constant size.
 //!
 //! Degenerate cases: rows that cannot be divided stay together over capacity; the next attempt waits until their
-//! number has doubled. An uneven division of many equal rows waits for an eighth more. So the work of an
-//! insertion is constant in the mean whatever the data are. A removal or look-up by id goes through the ids of one
+//! number has doubled. An uneven division of many equal rows waits for an eighth more. The work of an insertion is
+//! therefore constant in the mean, whatever the data are. A removal or look-up by id goes through the ids of one
 //! cell, hence through all rows that are equal to the one asked for.
 //!
 //! Everything is a function of the sequence of changes: no randomness, no hash order.
@@ -36,7 +36,7 @@ use crate::two_means::divide;
 
 /// At most one division in this many changes.
 const CHANGES_PER_DIVISION: u32 = 24;
-/// Cells around a divided one whose rows may move over.
+/// The number of cells around a divided one whose rows may move over.
 const NEIGHBOURS: usize = 8;
 /// A cell that removals leave with less than this share of the capacity is dissolved.
 const DISSOLVE_SHARE: usize = 8;
@@ -46,18 +46,19 @@ pub(crate) trait Directory {
     /// Adds the centroid of a new cell, or gives an old one another centroid.
     fn set(&mut self, cell: u32, centroid: &Descriptor);
 
-    /// Forgets a cell.
+    /// Removes a cell.
     fn remove(&mut self, cell: u32);
 
     /// The centroid of a cell.
     fn centroid(&self, cell: u32) -> Option<Descriptor>;
 
-    /// For each query the nearest `count` cells, or nearly: pairs of cell and position of the query.
+    /// The `count` cells nearest to each query; the directory may miss some.
     fn nearest(&self, queries: &[PreparedQuery], count: usize) -> Vec<Visit>;
 
-    /// The nearest cell, or nearly; `None` only of an empty directory.
+    /// The cell nearest to the query, or one nearly as near; `None` only when there is no cell.
     fn nearest_one(&self, query: &PreparedQuery) -> Option<u32>;
 
+    /// The memory held on the heap, bytes.
     fn memory_usage(&self) -> usize;
 }
 
@@ -65,16 +66,16 @@ pub(crate) trait Directory {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Visit {
     pub(crate) cell: u32,
-    /// Position in the batch.
+    /// The position of the query in the batch.
     pub(crate) query: u32,
 }
 
 #[derive(Debug, Clone, Default)]
 struct Cell {
     rows: Rows,
-    /// Divided when it holds more rows.
+    /// The cell is divided when it holds more rows.
     divide_above: usize,
-    /// Waits in line for its division.
+    /// Whether the cell waits in line for its division.
     in_line: bool,
 }
 
@@ -104,7 +105,7 @@ impl<D: Directory> Cells<D> {
         }
     }
 
-    /// Number of rows.
+    /// The number of rows.
     pub(crate) fn len(&self) -> usize {
         self.homes.len()
     }
@@ -230,9 +231,9 @@ impl<D: Directory> Cells<D> {
         cell
     }
 
-    /// Puts a row into a cell and the cell into the line if it is over capacity.
+    /// Puts a row into a cell, and the cell into the line where it is over capacity.
     fn push(&mut self, cell: u32, id: u32, descriptor: &Descriptor) {
-        // First what waits for a look-up, then what is only written: the other order is measurably slower.
+        // The look-up first, because it waits for memory; the other order is measurably slower.
         self.homes.set(id, cell);
         let into = &mut self.cells[cell as usize];
         into.rows.push(id, descriptor);
@@ -319,7 +320,7 @@ impl<D: Directory> Cells<D> {
             for (from, out) in [first, second, &own].into_iter().zip(&mut distances) {
                 row_scan::distances(rows, self.level, from, out);
             }
-            // From the back: what `swap_remove` moves into the gap has been looked at.
+            // From the back, so that the row which `swap_remove` moves into the gap has been looked at.
             for row in (0..rows.len()).rev() {
                 let [first, second, own] = distances.each_ref().map(|of| of[row]);
                 if first.min(second) < own {

@@ -1,11 +1,11 @@
 //! The descriptor and its distance.
 //!
-//! A SIFT descriptor is 16 cells of 8 gradient orientations, quantised to bytes. Two of them are compared by
-//! the Euclidean distance (paper, Eq. 20). Everything here works on the *squared* distance: it is an integer,
-//! so it is exact, sums in any lane order to the same value and orders pairs as the distance itself does.
+//! A SIFT descriptor is 16 cells of 8 gradient orientations, quantised to bytes. Two of them are compared by the Euclidean
+//! distance (paper, Eq. 20). Everything here works on the *squared* distance: it is an integer, hence exact, the same in
+//! any order of summation, and it orders pairs as the distance itself does.
 //! A ratio of distances must be squared before it meets squared distances; see [`crate::match_descriptors`].
 
-/// Number of components of a descriptor.
+/// The number of components of a descriptor.
 pub(crate) const DESCRIPTOR_LENGTH: usize = 128;
 
 /// A SIFT descriptor: 128 components quantised to bytes.
@@ -14,7 +14,7 @@ pub type Descriptor = [u8; DESCRIPTOR_LENGTH];
 /// The largest possible squared distance, between all-zero and all-255 descriptors: 128 * 255^2.
 pub(crate) const MAX_DISTANCE_SQUARED: u32 = DESCRIPTOR_LENGTH as u32 * 255 * 255;
 
-/// Squared Euclidean distance of two descriptors (paper, Eq. 20, before the root).
+/// The squared Euclidean distance of two descriptors (paper, Eq. 20, before the root).
 ///
 /// At most 128 * 255^2 = 8 323 200, so it never overflows. O(128), without branches.
 ///

@@ -1,4 +1,4 @@
-//! The two ways of finding the nearest centroid: all of them in a row, and cells of centroids.
+//! The two ways of finding the nearest centroids: looking at all of them, and looking at the nearest cells of them.
 
 use simd_level::SimdLevel;
 
@@ -9,14 +9,14 @@ use crate::row_block::PreparedQuery;
 use crate::rows::Rows;
 use crate::smallest::Smallest;
 
-/// Cells of centroids searched for the home of one new row.
+/// Cells of centroids that are searched for the home of one new row.
 const HOME_PROBES: usize = 6;
-/// Cells of centroids searched for the nearest centroids of a query, ...
+/// Cells of centroids that are searched for the nearest centroids of a query, at least.
 const LEAST_PROBES: usize = 12;
-/// ... and one more for each so many centroids wanted.
+/// One more cell of centroids is searched for each so many centroids wanted.
 const WANTED_PER_PROBE: usize = 4;
 
-/// All centroids in a row. Exact, O(cells).
+/// A directory that looks at all centroids: exact, O(cells).
 #[derive(Debug, Clone)]
 pub(crate) struct Flat {
     level: SimdLevel,
@@ -77,7 +77,7 @@ impl Directory for Flat {
     }
 }
 
-/// Cells of centroids: the centroids of the cells nearest to the query are looked at, the others are not.
+/// A directory that looks at the centroids in the cells nearest to the query, and at no others.
 impl Directory for Cells<Flat> {
     fn set(&mut self, cell: u32, centroid: &Descriptor) {
         Cells::remove(self, cell);
@@ -115,7 +115,7 @@ impl Directory for Cells<Flat> {
     }
 }
 
-/// Key (distance over number) of the nearest so far.
+/// The key (distance over number) of the nearest so far.
 #[derive(Debug, Default)]
 struct Nearest(Option<u64>);
 

@@ -1,12 +1,12 @@
-//! What can be wrong with an insertion, a parameter or a matching request.
+//! The errors of insertions, parameters and matching requests.
 
 use thiserror::Error;
 
-/// Errors of this crate.
+/// Why an insertion, a parameter or a matching request was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IndexError {
-    /// The id is in the index already; remove it first.
+    /// The id is in the index already; it must be removed before it can be given again.
     #[error("id {id} is already in the index, ids must be unique")]
     DuplicateId {
         /// The id given twice.
@@ -18,10 +18,10 @@ pub enum IndexError {
         /// The ratio given.
         given: f32,
     },
-    /// A parameter of the forest is below its least value.
+    /// A parameter of an index is below its least value.
     #[error("{name} must be at least {least}, given {given}")]
     ParameterTooSmall {
-        /// Field of [`crate::KdForestParams`].
+        /// The name of the field, of [`crate::KdForestParams`] or [`crate::InvertedListsParams`].
         name: &'static str,
         /// The value given.
         given: usize,
@@ -31,17 +31,17 @@ pub enum IndexError {
     /// A parameter of the forest is above its greatest value.
     #[error("{name} must be at most {most}, given {given}")]
     ParameterTooLarge {
-        /// Field of [`crate::KdForestParams`].
+        /// The name of the field of [`crate::KdForestParams`].
         name: &'static str,
         /// The value given.
         given: usize,
         /// The greatest value allowed.
         most: usize,
     },
-    /// More descriptors than positions or slots can be numbered by a `u32`.
+    /// There are more descriptors than the index, or a position of 32 bits, can number.
     #[error("at most {most} descriptors can be numbered, given {given}")]
     TooMany {
-        /// Number of descriptors given.
+        /// The number of descriptors given.
         given: usize,
         /// The greatest number allowed.
         most: usize,

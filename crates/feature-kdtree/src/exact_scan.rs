@@ -1,9 +1,10 @@
-//! Exact search by looking at every entry.
+//! Exact search: every query looks at every entry.
 //!
 //! In 128 dimensions an exact k-d tree looks at nearly every entry anyway and pays for the tree on top, so the
-//! scan is the exact method of choice: 132 bytes an entry, read in order, 64 products an instruction where the
-//! machine has AVX-512. It is the reference for every other index and the best one up to some thousand entries.
-//! Many queries at once are several times cheaper each than one alone: rows are loaded once for a group of them.
+//! scan is the exact method of choice: it reads 132 bytes an entry in order and multiplies 64 pairs of bytes in one
+//! instruction where the processor has AVX-512. It is the reference for every other index, and the best one up to some
+//! thousand entries. Many queries at once cost less each than one alone, because rows are loaded once for a group of
+//! them.
 //!
 //! When not to use: whole maps of tens of thousands of entries, where an approximate index is several times
 //! faster. A part of such a map that is known before the queries, the landmarks in view, is a small map again:
@@ -20,12 +21,12 @@ use crate::row_scan;
 use crate::rows::Rows;
 use crate::{Descriptor, DescriptorIndex, IndexError, TwoNearest};
 
-/// Queries prepared at a time, 0.5 KB each.
+/// Queries that are prepared at a time, 0.5 KB each.
 const QUERIES_AT_A_TIME: usize = 480;
 
-/// Every query looks at every entry: exact, O(entries) per query.
+/// An exact index: every query looks at every entry, O(entries).
 ///
-/// Insertion and removal are O(1); the answers do not depend on their order, nor on the level of instructions.
+/// Insertion and removal are O(1). The answers do not depend on their order, nor on the vector instructions in use.
 #[derive(Debug, Clone)]
 pub struct ExactScan {
     rows: Rows,
@@ -40,13 +41,13 @@ impl Default for ExactScan {
 }
 
 impl ExactScan {
-    /// An empty index on the fastest instructions of the machine.
+    /// An empty index on the widest vector instructions of this processor.
     #[must_use]
     pub fn new() -> Self {
         Self::with_level(SimdLevel::best())
     }
 
-    /// An empty index on given instructions, to test and measure them.
+    /// An empty index on the vector instructions given, for tests and measurements.
     #[must_use]
     pub fn with_level(level: SimdLevel) -> Self {
         Self {
@@ -82,7 +83,7 @@ impl ExactScan {
     }
 }
 
-/// A scan of the entries given, ids with descriptors or references to them, on the fastest instructions of the machine.
+/// Makes a scan of entries: ids with descriptors, or with references to descriptors.
 ///
 /// This is the exact filtered search for many queries over one set that is known beforehand, such as the landmarks in
 /// view: it costs the size of the set, whatever the size of the map. Of several entries with one id the first counts.
@@ -117,7 +118,7 @@ impl<D: Borrow<Descriptor>> FromIterator<(u32, D)> for ExactScan {
 
 impl DescriptorIndex for ExactScan {
     fn insert(&mut self, id: u32, descriptor: &Descriptor) -> Result<(), IndexError> {
-        // All ids together number 2^32 rows, so positions below 2^32 are never short.
+        // Ids are unique numbers of 32 bits, so a position never needs more.
         let position = self.rows.len() as u32;
         if !self.position_of.insert_new(id, position) {
             return Err(IndexError::DuplicateId { id });

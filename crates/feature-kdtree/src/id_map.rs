@@ -1,14 +1,14 @@
-//! Where the entry of an id is.
+//! The position of each id.
 //!
-//! A hash table with a hash of one multiplication: ids are numbers the caller counts up, so what the general
-//! hash of the standard library guards against does not arise, and it would cost more than storing the row.
-//! Looked up, never iterated: no hash order reaches an answer.
+//! A hash table whose hash is one multiplication. Ids are numbers that the caller counts up, so the attacks that the hash
+//! of the standard library guards against do not arise, and it would cost more than storing the row. The table is never
+//! iterated over, so no hash order reaches an answer.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Position or slot of each id.
+/// The position of each id.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct IdMap(HashMap<u32, u32, BuildHasherDefault<IdHasher>>);
 
@@ -18,11 +18,12 @@ impl IdMap {
         self.0.reserve(more);
     }
 
+    /// The position of an id, `None` when it is not present.
     pub(crate) fn get(&self, id: u32) -> Option<u32> {
         self.0.get(&id).copied()
     }
 
-    /// Adds an id; `false`, and no change, when it is present.
+    /// Adds an id; when it is present, changes nothing and returns `false`.
     pub(crate) fn insert_new(&mut self, id: u32, position: u32) -> bool {
         match self.0.entry(id) {
             Entry::Occupied(_) => false,
@@ -43,7 +44,7 @@ impl IdMap {
         self.0.remove(&id)
     }
 
-    /// Bytes of the table, up to its bookkeeping.
+    /// The memory of the table, bytes, without its bookkeeping.
     pub(crate) fn memory_usage(&self) -> usize {
         self.0.capacity() * size_of::<(u32, u32)>()
     }

@@ -1,7 +1,7 @@
-//! The cell of an id.
+//! The cell of each id.
 //!
-//! The position in the cell is not kept: a cell is short enough to be looked through, and rows that move within
-//! theirs, or stay in it when it is divided, then leave the table alone, where each costs a miss of every cache.
+//! The position in the cell is not kept: a cell is short enough to be looked through, and a row that moves within its cell,
+//! or stays in it when the cell is divided, then needs no write to the table, which would miss every cache.
 //!
 //! A hash table that doubles moves all its entries at once, tens of milliseconds at a million of them, in the
 //! middle of some frame. Here the ids are spread over 256 small tables, which double one by one at different
@@ -14,10 +14,10 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Tables, a power of two.
+/// The number of tables, a power of two.
 const TABLES: usize = 256;
 
-/// Cells by id. Insertion, removal and look-up are O(1), the pause of an insertion is O(n / 256).
+/// The cell of each id. Insertion, removal and look-up are O(1); the longest pause of an insertion is O(n / 256).
 #[derive(Debug, Clone)]
 pub(crate) struct IdTable {
     tables: Vec<HashMap<u32, u32, BuildHasherDefault<Mixer>>>,
@@ -61,11 +61,13 @@ impl IdTable {
     }
 }
 
-/// Bits of the hash that the tables themselves use neither for position (the lowest) nor for tags (the highest).
+/// The table of an id, from bits of the hash that the tables themselves use neither for positions (the lowest bits) nor
+/// for tags (the highest).
 fn table_of(id: u32) -> usize {
     (mix(id) >> 40) as usize % TABLES
 }
 
+/// The finaliser of MurmurHash3.
 fn mix(id: u32) -> u64 {
     let mut word = u64::from(id);
     word = (word ^ (word >> 33)).wrapping_mul(0xff51_afd7_ed55_8ccd);
@@ -83,7 +85,7 @@ impl Hasher for Mixer {
     }
 
     fn write(&mut self, bytes: &[u8]) {
-        // Unused for `u32` keys, and right for any other.
+        // Keys of type `u32` never come this way; others are hashed byte by byte.
         for &byte in bytes {
             self.0 = mix(u32::from(byte) ^ self.0 as u32);
         }

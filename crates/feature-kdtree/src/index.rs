@@ -1,8 +1,7 @@
-//! What every index of descriptors can do.
+//! The question that every index of descriptors answers: the two nearest entries.
 //!
-//! The ratio test (paper, Eq. 21) needs the two nearest entries of one set, so that is the one question an
-//! index answers. Ties are resolved by the lower id, so an exact index answers the same whatever the order
-//! of insertion was.
+//! The ratio test (paper, Eq. 21) needs the two nearest entries of one set. Ties go to the lower id, so that an exact
+//! index answers the same whatever the order of insertion was.
 
 use crate::{Descriptor, IndexError};
 
@@ -17,16 +16,16 @@ pub struct Neighbour {
     pub id: u32,
 }
 
-/// The nearest entry and, when the index holds another one, the second nearest.
+/// The entry nearest to a query and the second nearest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct TwoNearest {
     /// The nearest entry.
     pub first: Neighbour,
-    /// The second nearest; `None` when only one entry was there to choose from.
+    /// The second nearest entry; `None` when the index holds only one, or only one was accepted.
     pub second: Option<Neighbour>,
 }
 
-/// A growing set of descriptors, each under its own id, searched for the two nearest.
+/// A set of descriptors, each under its own id, that grows, shrinks and is searched for the two nearest.
 pub trait DescriptorIndex {
     /// Adds a descriptor under an id of the caller's choice.
     ///
@@ -45,26 +44,26 @@ pub trait DescriptorIndex {
 
     /// The two nearest among the entries whose id `accept` takes, or `None` when it takes none.
     ///
-    /// `accept` may be asked about any entry, any number of times, in any order. Where the same entries are accepted
-    /// for many queries, a search of [`crate::ExactScan::gathered`] is far cheaper.
+    /// `accept` may be asked about any entry, any number of times, in any order. Where many queries accept the same
+    /// entries, it is far cheaper to collect these into an [`crate::ExactScan`] of their own.
     fn two_nearest_where(
         &self,
         query: &Descriptor,
         accept: &dyn Fn(u32) -> bool,
     ) -> Option<TwoNearest>;
 
-    /// The two nearest of every query, in their order: what [`DescriptorIndex::two_nearest`] answers to each.
+    /// Finds the two nearest of every query, as [`DescriptorIndex::two_nearest`] does, in the order of the queries.
     ///
-    /// `found` is emptied first; its memory is used again. Many queries at once cost less than one by one.
+    /// `found` is emptied first and its memory used again. Many queries at once cost less than one by one.
     fn two_nearest_batch(&self, queries: &[Descriptor], found: &mut Vec<Option<TwoNearest>>) {
         found.clear();
         found.extend(queries.iter().map(|query| self.two_nearest(query)));
     }
 
-    /// The descriptor of an entry, `None` when the id is not present.
+    /// The descriptor of an entry; `None` when the id is not present.
     fn descriptor(&self, id: u32) -> Option<Descriptor>;
 
-    /// Number of entries.
+    /// The number of entries.
     fn len(&self) -> usize;
 
     /// Whether the index holds no entry.
@@ -72,7 +71,7 @@ pub trait DescriptorIndex {
         self.len() == 0
     }
 
-    /// Bytes on the heap, up to the bookkeeping of the allocator and of hash tables.
+    /// The memory held on the heap, bytes, without the bookkeeping of the allocator and of hash tables.
     fn memory_usage(&self) -> usize;
 }
 
@@ -100,7 +99,7 @@ impl BestTwo {
         }
     }
 
-    /// Squared distance beyond which no candidate can be taken any more.
+    /// The squared distance beyond which no candidate can be taken any more.
     #[inline]
     pub(crate) fn worst_distance_squared(&self) -> u32 {
         self.second
@@ -112,6 +111,7 @@ impl BestTwo {
         self.second.is_some()
     }
 
+    /// The best two, `None` when nothing was offered.
     pub(crate) fn finish(self) -> Option<TwoNearest> {
         self.first.map(|first| TwoNearest {
             first,

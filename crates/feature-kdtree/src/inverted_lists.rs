@@ -1,20 +1,20 @@
-//! Approximate search: lists of near descriptors, of which a query scans the few nearest.
+//! Approximate search in lists of near descriptors, of which a query scans the few nearest.
 //!
 //! Problem: the map holds up to millions of descriptors and grows every frame; each frame asks for the two
-//! nearest of several hundred queries. A scan is exact and too slow; most entries are far from the query and
-//! can be known to be so from the list they are in.
+//! nearest of several hundred queries. A scan of the whole map is exact and too slow; most entries are far from the
+//! query, and the list an entry is in says so.
 //!
 //! Steps of a batch of queries (Sivic and Zisserman 2003; Jégou, Douze and Schmid 2011):
 //! 1. Two storeys of centroids give each query its nearest lists, `probes` of them.
 //! 2. The visits are ordered by list, and each list is scanned once for all its queries, by the same kernel as
 //!    [`crate::ExactScan`]: memory is read once a batch, and distances are exact.
 //!
-//! Lists divide when they overflow and dissolve when they empty; nothing is trained, nothing is rebuilt.
+//! Lists divide when they overflow and dissolve when they empty. Nothing is trained, and nothing is rebuilt.
 //!
 //! Degenerate cases: with fewer lists than `probes` the search is exact. Equal descriptors cannot be divided:
-//! they share a list, which is scanned whole. A filter that lets fewer than two entries of the lists searched
-//! pass makes the search go on, with four times as many lists each time, up to all of them: when two accepted
-//! entries exist, two are reported.
+//! they share a list, which is scanned whole. Where a filter accepts fewer than two entries of the lists searched, the
+//! search goes on with four times as many lists each time, up to all of them, so that two entries are reported whenever
+//! two are accepted.
 //!
 //! When not to use: when the answer must be exact, or below some thousand entries ([`crate::ExactScan`]).
 //! Which neighbours are missed depends on the history of insertions and removals; where a run must be repeatable
@@ -30,23 +30,23 @@ use crate::row_block::PreparedQuery;
 use crate::row_scan;
 use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, TwoNearest};
 
-/// Centroids in a cell of the upper storey.
+/// Centroids that a cell of the upper storey holds.
 const CENTROIDS_PER_CELL: usize = 128;
-/// Queries searched together, 1.5 KB of buffers each.
+/// Queries that are searched together, with 1.5 KB of buffers each.
 const QUERIES_AT_A_TIME: usize = 512;
-/// The fourth power of the number of lists looked at is this for each list.
+/// The fourth power of the number of lists that a query looks at, divided by the number of lists.
 const PROBES_FOURTH_POWER: usize = 200;
-/// Looked at whatever the number of lists is.
+/// Lists that a query looks at whatever their number is.
 const LEAST_PROBES: usize = 8;
 
-/// Size of the lists and effort of a search.
+/// The size of the lists and the effort of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct InvertedListsParams {
-    /// Entries a list holds before it is divided, at least 2. Default 128: shorter lists waste memory, longer ones
+    /// Entries that a list holds before it is divided, at least 2. Default 128: shorter lists waste memory, longer ones
     /// make the search coarser.
     pub list_capacity: usize,
-    /// Lists a query looks at, at least 1; `usize::MAX` makes the search exact, and slower than
-    /// [`crate::ExactScan`]. Default `None`: by the number of lists, see [`InvertedLists::probes`].
+    /// Lists that a query looks at, at least 1. With `usize::MAX` the search is exact, and slower than
+    /// [`crate::ExactScan`]. Default `None`: chosen by the number of lists, see [`InvertedLists::probes`].
     pub probes: Option<usize>,
 }
 
@@ -73,10 +73,10 @@ impl InvertedListsParams {
     }
 }
 
-/// Lists of near descriptors, of which a query scans the nearest.
+/// An approximate index: lists of near descriptors, of which a query scans the nearest.
 ///
-/// Deterministic: equal parameters and equal sequences of changes give equal answers, on any number of threads and
-/// any instructions. With lists of constant size a query of n entries costs O(probes + n^(1/3)) list lengths; a
+/// Deterministic: equal parameters and equal sequences of changes give equal answers, on any number of threads and any
+/// vector instructions. With lists of constant size, a query among n entries costs O(probes + n^(1/3)) scans of a list; a
 /// change costs O(n^(1/3)) of them in the mean and divides at most one list.
 #[derive(Debug, Clone)]
 pub struct InvertedLists {
@@ -86,15 +86,15 @@ pub struct InvertedLists {
 }
 
 impl InvertedLists {
-    /// An empty index on the fastest instructions of the machine.
+    /// An empty index on the widest vector instructions of this processor.
     ///
     /// # Errors
-    /// [`IndexError::ParameterTooSmall`] naming the field out of range.
+    /// [`IndexError::ParameterTooSmall`] for the first field out of range.
     pub fn new(params: InvertedListsParams) -> Result<Self, IndexError> {
         Self::with_level(params, SimdLevel::best())
     }
 
-    /// An empty index on given instructions, to test and measure them.
+    /// An empty index on the vector instructions given, for tests and measurements.
     ///
     /// # Errors
     /// As for [`Self::new`].
@@ -107,13 +107,14 @@ impl InvertedLists {
         })
     }
 
-    /// Number of lists.
+    /// The number of lists.
     #[must_use]
     pub fn list_count(&self) -> usize {
         self.lists.cell_count()
     }
 
-    /// Lists a query looks at now: `params.probes` or, by default, 11 of 100, 21 of 1000, 37 of 10 000.
+    /// The number of lists that a query looks at now: that of the parameters or, by default, 11 of 100 lists, 21 of 1000,
+    /// 37 of 10 000.
     #[must_use]
     pub fn probes(&self) -> usize {
         self.params
@@ -121,7 +122,7 @@ impl InvertedLists {
             .unwrap_or_else(|| default_probes(self.lists.cell_count()))
     }
 
-    /// The same index with another number of probes; `None` goes back to the default. O(1).
+    /// Sets the number of lists that a query looks at; `None` goes back to the default. O(1).
     ///
     /// # Errors
     /// [`IndexError::ParameterTooSmall`] for zero; the index is then unchanged.
@@ -138,7 +139,7 @@ impl InvertedLists {
     /// Sorts all entries into lists afresh, as a function of the parameters and the present entries alone.
     ///
     /// Two indexes with equal parameters and entries answer equally after it, and go on doing so under equal
-    /// changes, whatever their histories were. The price of inserting all entries.
+    /// changes, whatever their histories were. It costs as much as inserting all entries.
     pub fn rebuild(&mut self) {
         let mut entries = self.lists.entries();
         entries.sort_unstable_by_key(|&(id, _)| id);
@@ -157,7 +158,7 @@ impl InvertedLists {
             });
     }
 
-    /// What was found, or more of a search that found one entry where there are two.
+    /// The answer of a scan; where it found one entry although there are two, the search goes on.
     fn complete(&self, query: &PreparedQuery, found: TwoKeys) -> Option<TwoNearest> {
         if found.second == u64::MAX && self.lists.len() > 1 {
             return self.search_on(query, self.probes(), &|_| true);
@@ -191,10 +192,10 @@ impl InvertedLists {
     }
 }
 
-/// Lists to look at by their number: in proportion to its fourth root.
+/// The number of lists that a query looks at by default, in proportion to the fourth root of their number.
 ///
-/// Measured on SIFT descriptors of photographs: 0.97 of the nearest found among ten thousand entries, 0.995 of the
-/// matches of the ratio test kept among a hundred thousand and 0.985 among a million.
+/// Measured on SIFT descriptors of photographs: 0.97 of the nearest are found among ten thousand entries; 0.995 of the
+/// matches of the ratio test are kept among a hundred thousand entries and 0.985 among a million.
 fn default_probes(lists: usize) -> usize {
     lists
         .saturating_mul(PROBES_FOURTH_POWER)
@@ -203,6 +204,7 @@ fn default_probes(lists: usize) -> usize {
         .max(LEAST_PROBES)
 }
 
+/// No lists yet, in two storeys.
 fn empty(level: SimdLevel, list_capacity: usize) -> Cells<Cells<Flat>> {
     let storey = Cells::new(level, CENTROIDS_PER_CELL, Flat::new(level));
     Cells::new(level, list_capacity, storey)
@@ -213,7 +215,7 @@ impl DescriptorIndex for InvertedLists {
         if self.lists.contains(id) {
             return Err(IndexError::DuplicateId { id });
         }
-        // Ids are unique, so there are at most 2^32 entries, and list numbers and positions fit 32 bits.
+        // Ids are unique numbers of 32 bits, so list numbers and positions never need more.
         self.lists.insert(id, descriptor);
         Ok(())
     }
@@ -262,7 +264,7 @@ impl DescriptorIndex for InvertedLists {
     }
 }
 
-/// Keys (distance over id) of the two nearest so far; all bits where there is none.
+/// The keys (distance over id) of the two nearest so far; all bits are set where there is none.
 #[derive(Debug, Clone, Copy)]
 struct TwoKeys {
     first: u64,

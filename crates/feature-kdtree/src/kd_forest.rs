@@ -1,4 +1,4 @@
-//! Approximate search with a bound on the work: a forest of randomised k-d trees, searched best bin first.
+//! Approximate search with a bound on the work, in a forest of randomised k-d trees searched best bin first.
 //!
 //! Problem: the map holds tens of thousands of descriptors and grows every frame, and each frame asks for the
 //! two nearest of several hundred queries. An exact tree degrades to a scan in 128 dimensions; a few trees that
@@ -8,13 +8,13 @@
 //!
 //! Steps: insertion descends each tree and splits an overfull leaf; removal descends, deletes, and joins leaves
 //! left half empty. When a tree has seen as many changes as it had entries, or an entry lies deeper than twice the
-//! logarithm of the number of leaves, the tree is grown afresh in the background: two entries for each change, in
-//! scattered order, which makes the new tree balanced whatever the order of arrival was. The old tree answers until
-//! the new one is complete. So no change pays for a rebuild.
+//! logarithm of the number of leaves, the tree is grown afresh in the background: each change enters two entries into
+//! the new tree, in scattered order, which makes it balanced whatever the order of arrival was. The old tree answers until
+//! the new one is complete, so that no change pays for a rebuild.
 //!
 //! Degenerate cases: equal entries share a leaf, which is searched whole, so the bound on leaves does not bound
 //! the work on thousands of equal descriptors. A search cut short with fewer than two accepted entries found
-//! falls back to a scan: when two accepted entries exist, two are reported.
+//! falls back to a scan, so that two entries are reported whenever two are accepted.
 //!
 //! When not to use: below some thousand entries or when the answer must be exact, [`crate::ExactScan`] is better;
 //! for large maps of SIFT descriptors [`crate::InvertedLists`] find more in less time and half the memory.
@@ -29,23 +29,23 @@ use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest};
 
 /// A tree is not grown afresh before this many changes.
 const LEAST_CHANGES_TO_REGROW: usize = 256;
-/// Entries that enter the new tree for each change.
+/// Entries that enter the new tree with each change.
 const MOVES_A_CHANGE: usize = 2;
-/// Depth allowed beyond twice the logarithm of the number of full leaves.
+/// Depth that is allowed beyond twice the logarithm of the number of full leaves.
 const DEPTH_SLACK: usize = 8;
 
-/// Shape of the forest and effort of a search.
+/// The shape of the forest and the effort of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct KdForestParams {
-    /// Number of trees, 1 to 64. More trees find more and cost memory (140 bytes an entry each) and insertion
-    /// time. Default 2.
+    /// The number of trees, 1 to 64. More trees find more; each costs 140 bytes an entry and time at insertion.
+    /// Default 2.
     pub trees: usize,
-    /// Entries a leaf holds before it splits, at least 1. Default 64.
+    /// Entries that a leaf holds before it splits, at least 1. Default 64.
     pub leaf_capacity: usize,
-    /// Leaves one query may look at, all trees together, at least 1. `usize::MAX` makes the search exact,
-    /// and slower than [`crate::ExactScan`]. Default 48.
+    /// Leaves that one query may look at, in all trees together, at least 1. With `usize::MAX` the search is exact, and
+    /// slower than [`crate::ExactScan`]. Default 48.
     pub max_leaves: usize,
-    /// Seed of the random choice of split components. Default 0.
+    /// The seed of the random choice of split components. Default 0.
     pub seed: u64,
 }
 
@@ -91,25 +91,42 @@ impl KdForestParams {
     }
 }
 
-/// Randomised k-d trees over one set of descriptors, searched best bin first.
+/// An approximate index: randomised k-d trees over one set of descriptors, searched best bin first.
 ///
 /// Deterministic: equal parameters and equal sequences of changes give equal answers. A query costs at most
-/// `max_leaves * leaf_capacity` distances plus the walk, unless many entries are equal.
+/// `max_leaves * leaf_capacity` distances and the walk to the leaves, unless many entries are equal.
+///
+/// ```
+/// use feature_kdtree::{DescriptorIndex, KdForest, KdForestParams, match_descriptors};
+///
+/// let mut map = KdForest::new(KdForestParams::default())?;
+/// map.insert(1, &[10; 128])?;
+/// map.insert(2, &[90; 128])?;
+/// let matches = match_descriptors(&[[12; 128]], &map, 0.7)?;
+/// assert_eq!((matches[0].query, matches[0].id), (0, 1));
+/// // A landmark that looks different now: remove it and insert its new descriptor.
+/// map.remove(1);
+/// map.insert(1, &[15; 128])?;
+/// # Ok::<(), feature_kdtree::IndexError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct KdForest {
     params: KdForestParams,
     level: SimdLevel,
     entries: ExactScan,
     trees: Vec<KdTree>,
-    /// Changes of each tree since it was grown, and its entries then.
+    /// The age of each tree.
     ages: Vec<Age>,
     regrowth: Option<Regrowth>,
 }
 
+/// The changes of a tree since it was grown.
 #[derive(Debug, Clone, Copy, Default)]
 struct Age {
     changes: usize,
+    /// Entries when it was grown.
     entries_at_start: usize,
+    /// Whether an entry lies deeper than allowed.
     too_deep: bool,
 }
 
@@ -118,18 +135,18 @@ struct Age {
 struct Regrowth {
     place: usize,
     tree: KdTree,
-    /// Ids present at the start.
+    /// Ids that were present at the start.
     ids: Vec<u32>,
-    /// Of these, how many have been dealt with, in steps of `stride` around the list.
+    /// The number of these that have been dealt with, in steps of `stride` around the list.
     done: usize,
     stride: usize,
 }
 
 impl KdForest {
-    /// An empty forest.
+    /// An empty forest on the widest vector instructions of this processor.
     ///
     /// # Errors
-    /// [`IndexError::ParameterTooSmall`] or [`IndexError::ParameterTooLarge`] naming the field out of range.
+    /// [`IndexError::ParameterTooSmall`] or [`IndexError::ParameterTooLarge`] for the first field out of range.
     pub fn new(params: KdForestParams) -> Result<Self, IndexError> {
         params.check()?;
         let level = SimdLevel::best();
@@ -148,7 +165,7 @@ impl KdForest {
     /// Builds all trees afresh, as a function of the parameters and the present entries alone.
     ///
     /// Two forests with equal parameters and entries answer equally after it, and go on doing so under equal
-    /// changes, whatever their histories were. The price of inserting all entries.
+    /// changes, whatever their histories were. It costs as much as inserting all entries.
     pub fn rebuild(&mut self) {
         let mut ids = self.entries.ids().to_vec();
         ids.sort_unstable();
@@ -179,7 +196,7 @@ impl KdForest {
         self.trees[regrowth.place] = regrowth.tree;
     }
 
-    /// Counts a change; goes on with the new tree, or starts one where it is due.
+    /// Counts a change, then goes on with the new tree or starts one where it is due.
     fn count_change(&mut self) {
         for age in &mut self.ages {
             age.changes += 1;
@@ -229,7 +246,7 @@ impl Age {
 }
 
 impl Regrowth {
-    /// Enters the next entry if it is there and not entered yet; `false` when all are dealt with.
+    /// Enters the next entry unless it was removed or has been entered already; `false` when all are dealt with.
     fn advance(&mut self, entries: &ExactScan) -> bool {
         if self.done == self.ids.len() {
             return false;
@@ -247,8 +264,8 @@ impl Regrowth {
     }
 }
 
-/// A step without a common factor with the length, near the golden section of it: steps around the list scatter
-/// over all of it from the start.
+/// A step near the golden section of the length, without a common factor with it: steps of this size around the list
+/// scatter over all of it from the start and meet every entry once.
 fn scattering_stride(length: usize) -> usize {
     let common_factor = |mut a: usize, mut b: usize| {
         while b > 0 {

@@ -5,12 +5,12 @@
 //! live in the leaves, as rows that are scanned together; a leaf over its capacity splits, two neighbouring leaves
 //! that removals have left half empty join.
 //!
-//! Degenerate data: a component is split only where two entries differ in it, at a byte strictly below its
-//! maximum, so both sides receive an entry. Entries that are all equal stay in one leaf, however many they are;
-//! the next attempt to split it waits until their number has doubled.
+//! Degenerate cases: a component is split only where two entries differ in it, at a byte strictly below its maximum, so
+//! that both sides receive an entry. Entries that are all equal stay in one leaf, however many they are; the next attempt
+//! to split it waits until their number has doubled.
 //!
-//! All walks are loops, never recursion: the depth is bounded by the data alone (at most 255 splits for each
-//! component), not by the stack. Keeping it near the logarithm is the forest's business.
+//! All walks are loops, never recursion: the depth is bounded by the data alone (at most 255 splits for each component),
+//! not by the stack. The forest keeps it near the logarithm of the number of leaves.
 
 use std::cmp::Reverse;
 
@@ -20,32 +20,35 @@ use rand_chacha::ChaCha8Rng;
 use crate::descriptor::{DESCRIPTOR_LENGTH, Descriptor};
 use crate::rows::Rows;
 
-/// A split draws its component among this many of the highest variance (Muja and Lowe 2009 use five).
+/// The number of components of highest variance among which a split draws its own (Muja and Lowe 2009 use five).
 const SPLIT_CANDIDATES: usize = 5;
 
-/// Median and variance of a node are taken from at most this many of its entries.
+/// The number of entries from which the median and variance of a node are taken at most.
 const SPLIT_SAMPLE: usize = 128;
 
+/// A node of a tree.
 #[derive(Debug, Clone)]
 pub(crate) enum Node {
-    /// Entries with `descriptor[dimension] <= threshold` are on the left.
+    /// A split: entries with `descriptor[dimension] <= threshold` are on the left.
     Split {
         dimension: u8,
         threshold: u8,
         left: u32,
         right: u32,
     },
+    /// A leaf, which holds entries.
     Leaf {
         rows: Rows,
-        /// Tried to split when it holds more.
+        /// The leaf is split, where that is possible, when it holds more entries.
         split_above: usize,
     },
 }
 
+/// One randomised tree.
 #[derive(Debug, Clone)]
 pub(crate) struct KdTree {
     nodes: Vec<Node>,
-    /// Nodes no longer in the tree.
+    /// The numbers of nodes that are not in the tree any more.
     free: Vec<u32>,
     leaf_capacity: usize,
     rng: ChaCha8Rng,
@@ -54,7 +57,7 @@ pub(crate) struct KdTree {
 impl KdTree {
     pub(crate) const ROOT: u32 = 0;
 
-    /// An empty tree. The stream makes this tree differ from its siblings.
+    /// An empty tree. The stream of random numbers makes it differ from its siblings.
     pub(crate) fn new(leaf_capacity: usize, seed: u64, stream: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
@@ -71,7 +74,7 @@ impl KdTree {
         &self.nodes[node as usize]
     }
 
-    /// Adds an entry and returns the number of splits above it.
+    /// Adds an entry and returns the number of splits above its leaf.
     pub(crate) fn insert(&mut self, id: u32, descriptor: &Descriptor) -> usize {
         let path = self.path_to(descriptor);
         let leaf = path[path.len() - 1];
@@ -84,7 +87,7 @@ impl KdTree {
         path.len() - 1
     }
 
-    /// Whether the entry is in the tree; its descriptor is given.
+    /// Whether the entry with this descriptor is in the tree.
     pub(crate) fn contains(&self, id: u32, descriptor: &Descriptor) -> bool {
         let path = self.path_to(descriptor);
         match self.node(path[path.len() - 1]) {
@@ -93,7 +96,7 @@ impl KdTree {
         }
     }
 
-    /// Forgets an entry, whose descriptor is given.
+    /// Removes the entry with this descriptor.
     pub(crate) fn remove(&mut self, id: u32, descriptor: &Descriptor) {
         let mut path = self.path_to(descriptor);
         if let Some(&leaf) = path.last()
@@ -121,7 +124,7 @@ impl KdTree {
         self.nodes.capacity() * size_of::<Node>() + self.free.capacity() * size_of::<u32>() + leaves
     }
 
-    /// Nodes from the root to the leaf whose cell contains the descriptor.
+    /// The nodes from the root to the leaf whose cell contains the descriptor.
     fn path_to(&self, descriptor: &Descriptor) -> Vec<u32> {
         let mut path = vec![Self::ROOT];
         let mut node = Self::ROOT;
@@ -169,7 +172,7 @@ impl KdTree {
         };
     }
 
-    /// Makes one leaf of two that together are at most half full; whether it did.
+    /// Makes one leaf of two that together are at most half full; `false` where they are not.
     fn join_leaves(&mut self, parent: u32) -> bool {
         let &Node::Split { left, right, .. } = self.node(parent) else {
             return false;
@@ -214,20 +217,20 @@ fn empty_leaf(leaf_capacity: usize) -> Node {
     }
 }
 
-/// Component and threshold of a split that leaves entries on both sides, or `None` when all entries are equal.
+/// The component and the threshold of a split that leaves entries on both sides; `None` when all entries are equal.
 fn choose_split(descriptors: &[Descriptor], rng: &mut ChaCha8Rng) -> Option<(u8, u8)> {
     let step = descriptors.len().div_ceil(SPLIT_SAMPLE);
     let sample: Vec<&Descriptor> = descriptors.iter().step_by(step.max(1)).collect();
     draw_split(&sample, rng).or_else(|| {
-        // A constant sample says nothing about the rest: look for any entry that differs.
+        // A sample of equal entries says nothing about the rest: look for any entry that differs.
         let first = descriptors.first()?;
         let other = descriptors.iter().find(|other| *other != first)?;
         draw_split(&[first, other], rng)
     })
 }
 
-/// Draws among the components of highest variance and cuts at the median of the sample, or at the largest value
-/// below its maximum where the median is the maximum.
+/// Draws a component among those of highest variance and cuts it at the median of the sample, or at the largest value
+/// below the maximum where the median is the maximum.
 fn draw_split(sample: &[&Descriptor], rng: &mut ChaCha8Rng) -> Option<(u8, u8)> {
     let mut sums = [0_u32; DESCRIPTOR_LENGTH];
     let mut squares = [0_u32; DESCRIPTOR_LENGTH];

@@ -1,4 +1,4 @@
-//! From nearest neighbours to matches: ratio test, mutual consistency, one to one.
+//! From nearest neighbours to matches: the ratio test, agreement both ways, and matches that are one to one.
 //!
 //! The ratio test (paper, Eq. 21; Lowe 2004) keeps a query whose nearest entry is clearly nearer than the second
 //! nearest: d1 / d2 < lambda. The distances here are squared, so the test is d1^2 < lambda^2 d2^2; comparing
@@ -9,16 +9,16 @@
 
 use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest};
 
-/// A query paired with an entry of the index.
+/// A query and the entry it is matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Match {
-    /// Position among the queries.
+    /// The position among the queries.
     pub query: u32,
-    /// Id of the entry, or its position in the second frame.
+    /// The id of the entry or, of two frames, the position in the second.
     pub id: u32,
-    /// Squared distance of the two descriptors.
+    /// The squared distance of the two descriptors.
     pub distance_squared: u32,
-    /// Distance to the nearest over distance to the second nearest, not squared; below the ratio asked for.
+    /// The distance to the nearest over that to the second nearest, not squared; below the ratio asked for.
     pub ratio: f32,
 }
 
@@ -26,8 +26,7 @@ pub struct Match {
 ///
 /// `ratio` is lambda of Eq. 21 (the paper: 0.7), in 0..=1. Of several queries whose nearest entry is the same, the one at
 /// the smallest distance keeps it, ties going to the lower position. Matches come in the order of the queries
-/// and do not depend on the number of threads. One search a query, in batches, then O(m log m) in the number of
-/// matches.
+/// and do not depend on the number of threads. Cost: one search for each query, in batches, and O(m log m) for m matches.
 ///
 /// # Errors
 /// [`IndexError::Ratio`] when the ratio is not in 0..=1; [`IndexError::TooMany`] beyond `u32::MAX` queries.
@@ -59,9 +58,9 @@ pub fn match_mutual(
     check_ratio(ratio)?;
     check_count(a)?;
     check_count(b)?;
-    let forward = ratio_matches(a, &by_position(b)?, ratio);
+    let forward = ratio_matches(a, &by_position(b), ratio);
     let matched: Vec<Descriptor> = forward.iter().map(|found| b[found.id as usize]).collect();
-    let back = two_nearest_in_blocks(&matched, &by_position(a)?);
+    let back = two_nearest_in_blocks(&matched, &by_position(a));
     Ok(forward
         .into_iter()
         .zip(back)
@@ -70,16 +69,12 @@ pub fn match_mutual(
         .collect())
 }
 
-/// Descriptors under their positions.
-fn by_position(descriptors: &[Descriptor]) -> Result<ExactScan, IndexError> {
-    let mut index = ExactScan::new();
-    for (id, descriptor) in (0_u32..).zip(descriptors) {
-        index.insert(id, descriptor)?;
-    }
-    Ok(index)
+/// An index of descriptors under their positions.
+fn by_position(descriptors: &[Descriptor]) -> ExactScan {
+    (0_u32..).zip(descriptors).collect()
 }
 
-/// What passes the ratio test, in the order of the queries; an entry may be matched more than once.
+/// The pairs that pass the ratio test, in the order of the queries; an entry may be matched more than once.
 fn ratio_matches(
     queries: &[Descriptor],
     index: &(impl DescriptorIndex + Sync + ?Sized),
@@ -91,7 +86,7 @@ fn ratio_matches(
         .collect()
 }
 
-/// Eq. 21 on squared distances. The second distance of a passing pair is never zero.
+/// The ratio test (Eq. 21) on squared distances. The second distance of a pair that passes is never zero.
 fn passes_ratio(query: u32, nearest: TwoNearest, ratio: f32) -> Option<Match> {
     let first = nearest.first;
     let second = nearest.second?;
@@ -107,7 +102,7 @@ fn passes_ratio(query: u32, nearest: TwoNearest, ratio: f32) -> Option<Match> {
     })
 }
 
-/// Each id keeps its nearest query, ties to the lower; the order of queries is restored.
+/// Leaves each id its nearest query, the lower one of two at equal distance, and restores the order of the queries.
 fn keep_nearest_query(matches: &mut Vec<Match>) {
     matches.sort_unstable_by_key(|found| (found.id, found.distance_squared, found.query));
     matches.dedup_by_key(|found| found.id);
@@ -132,7 +127,7 @@ fn check_count(descriptors: &[Descriptor]) -> Result<(), IndexError> {
     }
 }
 
-/// The two nearest of every query, in blocks on several threads; the blocks do not change the answers.
+/// The two nearest of every query, in blocks on several threads. The blocks do not change the answers.
 #[cfg(feature = "parallel")]
 fn two_nearest_in_blocks(
     queries: &[Descriptor],

@@ -1,8 +1,8 @@
-//! Scan of a short list for a few queries, of which most rows are known to be too far.
+//! The scan of a short list, most of whose rows are too far from the queries.
 //!
-//! [`crate::row_scan`] keeps the best of every lane, which pays over thousands of rows. In a list of a hundred rows,
-//! one of many for the query, the distance to beat is known from the lists before: the kernel compares with it and
-//! reports the few rows within. The order of rows and of queries does not matter to collectors that break ties by id.
+//! [`crate::row_scan`] keeps the best of every lane, which pays over thousands of rows. In a list of a hundred rows, one of
+//! many that a query visits, the distance to beat is known from the lists before: the kernel compares with it and reports
+//! the few rows within. A collector that breaks ties by id makes the result independent of the order of rows and queries.
 
 use simd_level::SimdLevel;
 
@@ -13,16 +13,16 @@ use crate::simd;
 /// Queries in a call that keep the kernel busy.
 const NEAR_QUERIES: usize = 8;
 
-/// What is collected for each query of a batch.
+/// Collects rows for each query of a batch.
 pub(crate) trait Collector {
-    /// Distance above which no row is taken for the query.
+    /// The squared distance above which no row is taken for the query.
     fn limit(&self, query: u32) -> u32;
 
-    /// Takes a row, or not.
+    /// Offers a row, which is taken or not.
     fn take(&mut self, query: u32, distance_squared: u32, id: u32);
 }
 
-/// Offers the collector all rows within the limits of `members`, which are positions in `queries`.
+/// Offers the collector every row within the limit of a query. `members` are the positions of the queries to search for.
 pub(crate) fn scan_near(
     level: SimdLevel,
     rows: &Rows,
@@ -30,7 +30,7 @@ pub(crate) fn scan_near(
     members: &[u32],
     collector: &mut impl Collector,
 ) {
-    // A buffer for one costs less to set up, and insertions ask for one at a time.
+    // A buffer for one query costs less to set up, and insertions ask for one at a time.
     if let [_] = members {
         scan_groups::<1>(level, rows, queries, members, collector);
     } else {
@@ -70,7 +70,7 @@ fn scan_groups<const GROUP: usize>(
                     while lanes != 0 {
                         let lane = lanes.trailing_zeros() as usize;
                         lanes &= lanes - 1;
-                        // Lanes past the last row hold anything.
+                        // Lanes past the last row hold arbitrary values.
                         if let Some(&id) = ids.get(lane) {
                             let raw = near.distances[block].0[lane];
                             collector.take(member, query.distance_of_raw(raw), id);

@@ -19,15 +19,15 @@
 
 use crate::descriptor::{DESCRIPTOR_LENGTH, Descriptor, MAX_DISTANCE_SQUARED};
 
-/// Rows in a block: 32-bit lanes of a 512-bit register.
+/// Rows in a block: the 32-bit lanes of a 512-bit register.
 pub(crate) const LANES: usize = 16;
-/// Groups of four components.
+/// Groups of four components in a descriptor.
 pub(crate) const GROUPS: usize = DESCRIPTOR_LENGTH / 4;
-/// Bits of a key that number the block; 23 are left for [`MAX_DISTANCE_SQUARED`] and the parity.
+/// Bits of a key that number the block; 23 are left for the distance, at most [`MAX_DISTANCE_SQUARED`] and the parity.
 pub(crate) const BLOCK_BITS: u32 = 9;
 /// The bits that number the block.
 pub(crate) const BLOCK_MASK: u32 = (1 << BLOCK_BITS) - 1;
-/// Blocks a key can number.
+/// The number of blocks that a key can tell apart.
 pub(crate) const RUN_BLOCKS: usize = 1 << BLOCK_BITS;
 
 /// One value for each row of a block.
@@ -51,7 +51,7 @@ impl Lanes {
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct RowBlock {
-    /// Components 4g..4g+4 of each row.
+    /// Components 4g to 4g + 3 of each row, for group g.
     pub(crate) groups: [[[u8; 4]; LANES]; GROUPS],
     /// |r|^2 - 256 sum(r) of each row.
     pub(crate) bias: [i32; LANES],
@@ -89,7 +89,7 @@ impl RowBlock {
     }
 }
 
-/// A query in the forms the kernels take it.
+/// A query in the forms that the kernels take.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedQuery {

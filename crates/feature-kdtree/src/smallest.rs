@@ -1,14 +1,13 @@
-//! The few smallest of many distances, for each query of a batch.
+//! Selection of the few smallest of many distances, for each query of a batch.
 //!
 //! A query collects keys (distance over number) below its bound. When its buffer is full, the wanted ones are
-//! selected, the rest is forgotten, and the bound becomes the largest of them; most later distances then fail
-//! one comparison. Ties go to the lower number, so the result does not depend on the order of offers.
+//! selected, the rest is dropped, and the bound becomes the largest of them; most later distances then fail one
+//! comparison. Ties go to the lower number, so the result does not depend on the order in which keys are offered.
 
 use crate::cells::Visit;
 use crate::near_rows::Collector;
 
-/// Keys a query collects beyond twice the wanted ones before it selects: most selections are of all centroids of
-/// a cell or two at once.
+/// Keys that a query collects beyond twice the wanted ones before it selects: enough for all centroids of a cell or two.
 const SLACK: usize = 128;
 
 /// Keeps the `wanted` smallest of the (distance, number) pairs offered to each query.
@@ -16,20 +15,20 @@ const SLACK: usize = 128;
 pub(crate) struct Smallest {
     wanted: usize,
     room: usize,
-    /// `room` keys a query.
+    /// The buffers of all queries, `room` keys each.
     keys: Vec<u64>,
     queries: Vec<State>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct State {
-    /// Only keys below it can still be wanted.
+    /// Only keys below this can still be wanted.
     bound: u64,
     count: usize,
 }
 
 impl Smallest {
-    /// `wanted` is at least one.
+    /// Empty buffers for so many queries; `wanted` is at least one.
     pub(crate) fn new(wanted: usize, queries: usize) -> Self {
         let room = 2 * wanted + SLACK;
         let fresh = State {
@@ -44,7 +43,7 @@ impl Smallest {
         }
     }
 
-    /// The wanted ones of every query as cells to visit, in the order of the queries, otherwise in none.
+    /// The smallest of every query as cells to visit: in the order of the queries, in no order within a query.
     pub(crate) fn visits(mut self) -> Vec<Visit> {
         let mut visits = Vec::with_capacity(self.queries.len() * self.wanted);
         for query in 0..self.queries.len() {

@@ -23,24 +23,24 @@ use crate::row_block::PreparedQuery;
 use crate::row_scan;
 use crate::rows::Rows;
 
-/// Rows that the centroids are found from.
+/// The number of rows from which the centroids are found at most.
 const SAMPLE: usize = 256;
-/// Rounds of Lloyd's iteration.
+/// Rounds of Lloyd's iteration at most.
 const ROUNDS: usize = 6;
-/// So many rows of 255 sum up to less than 2^16.
+/// The number of rows whose sum fits 16 bits: 256 * 255 is below 2^16.
 const ROWS_OF_SHORTS: u32 = 256;
-/// The smaller side gets one row in this many, unless too many rows are equal.
+/// The smaller side gets at least one row in this many, unless too many rows are equal.
 const LEAST_SHARE: usize = 8;
 
-/// Two centroids and the side of each row.
+/// Two centroids, and the side of each row.
 #[derive(Debug)]
 pub(crate) struct Division {
     pub(crate) centroids: [Descriptor; 2],
-    /// True for the rows of the second centroid, by position.
+    /// Whether each row belongs to the second centroid, by position.
     pub(crate) on_second: Vec<bool>,
 }
 
-/// Divides the rows, of which the descriptors are given again, or says that they cannot be divided.
+/// Divides the rows, whose descriptors are given besides; `None` when all are equal.
 pub(crate) fn divide(
     level: SimdLevel,
     rows: &Rows,
@@ -77,7 +77,7 @@ pub(crate) fn divide(
     })
 }
 
-/// Two different rows far apart; `None` when all are equal.
+/// Two rows that are different and far apart; `None` when all are equal.
 fn seeds(
     level: SimdLevel,
     rows: &Rows,
@@ -95,7 +95,7 @@ fn seeds(
     (first != second).then_some([first, second])
 }
 
-/// Every `step`-th row.
+/// Every `step`-th row, stored as rows and as descriptors.
 fn thin(rows: &Rows, descriptors: &[Descriptor], step: usize) -> (Rows, Vec<Descriptor>) {
     let sampled: Vec<Descriptor> = descriptors.iter().step_by(step).copied().collect();
     let mut sample = Rows::default();
@@ -105,13 +105,14 @@ fn thin(rows: &Rows, descriptors: &[Descriptor], step: usize) -> (Rows, Vec<Desc
     (sample, sampled)
 }
 
+/// The squared distances of all rows, by position.
 fn distances(level: SimdLevel, rows: &Rows, from: &Descriptor) -> Vec<u32> {
     let mut distances = Vec::new();
     row_scan::distances(rows, level, &PreparedQuery::new(from), &mut distances);
     distances
 }
 
-/// Whether the second centroid is the nearer one, row by row.
+/// Whether each row is nearer to the second centroid.
 fn nearer(level: SimdLevel, rows: &Rows, [first, second]: &[Descriptor; 2]) -> Vec<bool> {
     let to_first = distances(level, rows, first);
     let to_second = distances(level, rows, second);
@@ -153,11 +154,11 @@ fn means_of_sides(descriptors: &[Descriptor], on_second: &[bool]) -> Option<[Des
     Some([mean_of_side(false)?, mean_of_side(true)?])
 }
 
-/// Mean of each component, rounded to the nearest byte; `None` of nothing.
+/// The mean of each component, rounded to the nearest byte; `None` when there is no descriptor.
 fn mean_of<'a>(descriptors: impl Iterator<Item = &'a Descriptor>) -> Option<Descriptor> {
     // At most 2^24 rows of 255 fit; a cell is far smaller.
     let mut sums = [0_u32; DESCRIPTOR_LENGTH];
-    // Sums of the last rows, at most ROWS_OF_SHORTS: twice as many fit a register.
+    // The sums of at most ROWS_OF_SHORTS rows in 16 bits: a register holds twice as many of them.
     let mut shorts = [0_u16; DESCRIPTOR_LENGTH];
     let mut count = 0_u32;
     let flush = |sums: &mut [u32; DESCRIPTOR_LENGTH], shorts: &mut [u16; DESCRIPTOR_LENGTH]| {

@@ -34,7 +34,7 @@ fn textured(width: usize, height: usize) -> Vec<u8> {
         .collect()
 }
 
-/// What one detection needs, made once.
+/// The detector, the picture and the memory of one benchmark.
 struct Run {
     detector: Detector,
     pixels: Vec<u8>,

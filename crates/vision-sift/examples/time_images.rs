@@ -4,8 +4,8 @@
 //!
 //! Each line of standard input is the path of a picture (PNG, JPEG); the answer is one line
 //! `milliseconds keypoints bytes`: the time of one detection with all keypoints described, in a workspace that has
-//! seen the picture before, the number of keypoints, and the size of the workspace. LEVEL is one of `portable`, `avx2`, `avx512`. The last picture stays loaded, so
-//! that repeated paths cost no reading.
+//! seen the picture before, the number of keypoints, and the size of the workspace. LEVEL is one of `portable`, `avx2`,
+//! `avx512`. The last picture stays loaded, so that repeated paths cost no reading.
 
 #![expect(
     clippy::print_stdout,

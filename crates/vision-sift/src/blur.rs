@@ -1,4 +1,4 @@
-//! Separable convolution of a plane with a symmetric kernel.
+//! The separable convolution of a plane with a symmetric kernel.
 //!
 //! Steps, for each [`BLUR_ROWS`] output rows:
 //! 1. Columns: each source row within reach is read once and added to all the output rows it belongs to, top to bottom.
@@ -8,8 +8,8 @@
 //! Every output sample adds the same terms in the same order whatever its place in a vector, a row block or a thread.
 //! Outside the image the samples are mirrored about the border sample.
 //!
-//! Cost per sample: `2 r + 4` products and sums for the columns, `r` products and `2 r` sums for the rows, `r` the
-//! kernel radius. Reading the source row by row instead, `2 r + 1` rows for each output row, took twice the time: those
+//! Cost per sample, for a kernel of radius `r`: `2 r + 4` products and sums for the columns, `r` products and `2 r` sums for
+//! the rows. Reading the source row by row instead, `2 r + 1` rows for each output row, took twice the time: those
 //! rows do not fit the first cache.
 
 use simd_level::SimdLevel;
@@ -19,18 +19,19 @@ use crate::kernel::{BLUR_ROWS, Kernel};
 use crate::simd::{self, Body, LANES, Lanes, Run, load, store};
 use crate::threads::for_each_block;
 
-/// Rows of one parallel task.
+/// The number of rows that one parallel task takes.
 const BLOCK_ROWS: usize = 32;
 
-/// Most source rows one step reads: scale 32 from scale 16 (`base_sigma` 4, one scale an octave) has radius 111.
+/// The most source rows that one step reads: scale 32 from scale 16 (`base_sigma` 4, one scale an octave) takes a radius of
+/// 111.
 const MAX_SOURCE_ROWS: usize = 2 * 111 + BLUR_ROWS;
 
-/// Scratch samples [`blur`] needs for one plane.
+/// The number of scratch samples that [`blur`] needs for a plane.
 pub(crate) fn scratch_length(width: usize, height: usize, radius: usize) -> usize {
     height.div_ceil(BLOCK_ROWS) * BLUR_ROWS * padded_length(width, radius)
 }
 
-/// `target` = `source` blurred; `target` must have the size of `source`.
+/// Blurs `source` into `target`, which must have the same size.
 pub(crate) fn blur(
     level: SimdLevel,
     source: &Plane,
@@ -60,7 +61,7 @@ pub(crate) fn blur(
     );
 }
 
-/// Samples before the first of a padded row: the kernel radius, rounded up to whole vectors.
+/// The number of samples before the first of a padded row: the kernel radius, rounded up to whole vectors.
 fn margin(radius: usize) -> usize {
     radius.next_multiple_of(LANES)
 }
@@ -69,7 +70,7 @@ fn padded_length(width: usize, radius: usize) -> usize {
     width.next_multiple_of(LANES) + 2 * margin(radius)
 }
 
-/// The rows `first..` of the blurred plane, as many as `rows` holds.
+/// Makes the rows of the blurred plane that begin with `first`, as many as `rows` holds.
 struct BlurRows<'a> {
     source: &'a Plane,
     kernel: &'a Kernel,
@@ -117,7 +118,7 @@ impl Body for BlurRows<'_> {
     }
 }
 
-/// Column sums of [`BLUR_ROWS`] rows at `N` vectors from column `x`.
+/// The column sums of [`BLUR_ROWS`] rows, for `N` vectors from column `x` on.
 #[inline(always)]
 fn column_sums<L: Lanes, const N: usize>(
     samples: &[f32],
@@ -139,6 +140,7 @@ fn column_sums<L: Lanes, const N: usize>(
     sums
 }
 
+/// Writes column sums to the padded rows.
 #[inline(always)]
 fn store_sums<L: Lanes, const N: usize>(
     sums: [[L; N]; BLUR_ROWS],
@@ -161,7 +163,7 @@ fn mirror_ends(row: &mut [f32], margin: usize, width: usize, radius: usize) {
     }
 }
 
-/// `out[x]` = sum of the taps around sample `x` of the padded row.
+/// Writes to `out[x]` the weighted sum around sample `x` of the padded row.
 #[inline(always)]
 fn row_sums<L: Lanes>(row: &[f32], kernel: &Kernel, out: &mut [f32]) {
     let mut x = 0;
@@ -175,7 +177,7 @@ fn row_sums<L: Lanes>(row: &[f32], kernel: &Kernel, out: &mut [f32]) {
     }
 }
 
-/// `N` vectors of row sums from sample `x`.
+/// Writes `N` vectors of row sums from sample `x` on.
 #[inline(always)]
 fn row_sums_at<L: Lanes, const N: usize>(row: &[f32], kernel: &Kernel, x: usize, out: &mut [f32]) {
     let radius = kernel.radius();

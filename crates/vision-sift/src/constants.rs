@@ -9,7 +9,7 @@ pub(crate) const MIN_IMAGE_SIDE: usize = 16;
 /// Longest image side accepted, pixels. At this length a doubled image still has exact `f32` coordinates.
 pub(crate) const MAX_IMAGE_SIDE: usize = 32_767;
 
-/// Extrema nearer than this to the border of their octave are not looked for, octave pixels. Implementation choice
+/// Extrema nearer than this to the border of their octave are not searched for, octave pixels. Implementation choice
 /// (the descriptor window of such points is mostly outside); OpenCV uses the same value.
 pub(crate) const BORDER: usize = 5;
 
@@ -70,7 +70,7 @@ pub(crate) const DESCRIPTOR_BYTE_SCALE: f32 = 512.0;
 /// refined 0.6 levels up), turned by 45 degrees, reaches `2.5 * 3 * 12.1 * sqrt(2) = 129` samples each way.
 pub(crate) const MAX_WINDOW_COLUMNS: usize = 272;
 
-/// Odd polynomial of the arctangent on `[0, 1]`: the coefficients of `q, q^3, ... q^11`.
+/// An odd polynomial of the arctangent on `[0, 1]`: the coefficients of `q, q^3, ... q^11`.
 pub(crate) type Arctangent = [f32; 6];
 
 /// The polynomial of this crate, a minimax fit: over the circle it errs by less than 2.5e-6 radians.

@@ -1,6 +1,6 @@
-//! What the paper leaves open and implementations of SIFT decide differently, as named switches.
+//! The choices that the paper leaves open and that implementations of SIFT make differently, as named switches.
 //!
-//! [`Conventions::default`] is this crate's own choice; [`Conventions::opencv`] and [`Conventions::opencv_precise`] are
+//! [`Conventions::default`] holds the choices of this crate, [`Conventions::opencv`] and [`Conventions::opencv_precise`]
 //! those of OpenCV 5.0.0's `SIFT_create()` on a CPU, checked against its output (`tests/it/opencv_mode.rs`).
 //!
 //! | switch | own | OpenCV | stage |
@@ -27,7 +27,7 @@ use crate::constants::{
 };
 use crate::points::{OffsetLimits, ScalePoint};
 
-/// One set of the choices the paper leaves open. Opaque: either this crate's own or those of OpenCV.
+/// A set of the choices that the paper leaves open: those of this crate (the default) or those of OpenCV.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conventions {
     pub(crate) doubling: Doubling,
@@ -41,19 +41,19 @@ pub struct Conventions {
     pub(crate) coarse_arctangent: bool,
 }
 
-/// Where the samples of the doubled image lie; `w` input samples in a row.
+/// The places of the samples of the doubled image, for rows of `w` input samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Doubling {
-    /// `2w - 1` samples, sample `2x` is sample `x`.
+    /// `2w - 1` samples; sample `2x` is sample `x`.
     Exact,
-    /// `2w` samples, sample `2x` is sample `x`, the last is repeated.
+    /// `2w` samples; sample `2x` is sample `x`, and the last is repeated.
     LastRepeated,
-    /// `2w` samples at `x / 2 - 1/4`: each pixel's area is cut in two. Coordinates are not corrected for the quarter.
+    /// `2w` samples at `x / 2 - 1/4`: the area of each pixel is cut in two. Coordinates are not corrected for the quarter.
     Area,
 }
 
 impl Default for Conventions {
-    /// This crate's own.
+    /// The choices of this crate.
     fn default() -> Self {
         Self {
             doubling: Doubling::Exact,
@@ -70,7 +70,8 @@ impl Default for Conventions {
 }
 
 impl Conventions {
-    /// OpenCV's with `enable_precise_upscale = false`, its default. Coordinates are a quarter pixel too large, as there.
+    /// The choices of OpenCV with `enable_precise_upscale = false`, its default. Coordinates are a quarter pixel too large,
+    /// as they are there.
     #[must_use]
     pub fn opencv() -> Self {
         Self {
@@ -79,7 +80,7 @@ impl Conventions {
         }
     }
 
-    /// OpenCV's with `enable_precise_upscale = true`.
+    /// The choices of OpenCV with `enable_precise_upscale = true`.
     #[must_use]
     pub fn opencv_precise() -> Self {
         Self {
@@ -95,7 +96,7 @@ impl Conventions {
         }
     }
 
-    /// Half the length of a side of the next octave.
+    /// The length of a side in the next octave.
     pub(crate) fn halved(self, side: usize) -> usize {
         if self.odd_sides_round_down {
             side / 2
@@ -104,7 +105,7 @@ impl Conventions {
         }
     }
 
-    /// Radius of a Gaussian kernel, samples.
+    /// The radius of a Gaussian kernel, samples.
     pub(crate) fn kernel_radius(self, sigma: f32) -> usize {
         if self.wide_kernels {
             (8.0 * sigma + 1.0).round() as usize / 2
@@ -113,7 +114,7 @@ impl Conventions {
         }
     }
 
-    /// Offsets the refinement accepts.
+    /// The offsets that the refinement accepts.
     pub(crate) fn offset_limits(self) -> OffsetLimits {
         if self.offsets_below_half {
             let below_half = 0.5_f32.next_down();
@@ -129,7 +130,7 @@ impl Conventions {
         }
     }
 
-    /// Centre of the orientation and descriptor windows, octave pixels.
+    /// The centre of the orientation and descriptor windows, octave pixels.
     pub(crate) fn window_centre(self, point: &ScalePoint) -> (f32, f32) {
         if self.windows_on_sample {
             (point.sample.x as f32, point.sample.y as f32)
@@ -138,7 +139,7 @@ impl Conventions {
         }
     }
 
-    /// Polynomial of the gradients' arctangent.
+    /// The polynomial of the arctangent.
     pub(crate) fn arctangent(self) -> Arctangent {
         if self.coarse_arctangent {
             OPENCV_ARCTANGENT

@@ -1,6 +1,6 @@
-//! The crate's one error type.
+//! The error type of the crate.
 //!
-//! Every variant carries the value given and the bound it broke. A picture without any keypoint is not an error.
+//! Every variant carries the value given and the bound that it broke. A picture without any keypoint is not an error.
 
 /// Why an image or a parameter was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

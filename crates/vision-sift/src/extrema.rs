@@ -4,11 +4,11 @@
 //! them, and its size passes a first contrast threshold.
 //!
 //! Ties: neighbours that come before in the order (level, row, column) must be strictly less, those that come after
-//! may be equal. A plateau of equal samples so gives one candidate, not none and not many; a blob centred exactly
-//! between two samples is found.
+//! may be equal. A plateau of equal samples therefore gives exactly one candidate, and a blob centred exactly between two
+//! samples is found.
 //!
-//! The differences of three rows of all levels are kept at a time, sixteen samples are compared side by side: most
-//! vectors fall at the threshold or at the eight neighbours in their plane, few are compared with the levels beside.
+//! The differences of three rows of all levels are kept at a time, and sixteen samples are compared side by side. Most
+//! vectors fail the threshold or the eight neighbours in their plane; few are compared with the levels beside.
 
 use simd_level::SimdLevel;
 
@@ -47,10 +47,10 @@ pub(crate) fn scan(
     );
 }
 
-/// Rows of differences kept of each level.
+/// The number of rows of differences that are kept of each level.
 const RING: usize = 3;
 
-/// A kept row has one vector before it and one after it, so that its neighbours can be read everywhere.
+/// The length of a kept row, with one vector before it and one after it so that its neighbours can be read everywhere.
 fn row_length(width: usize) -> usize {
     width.next_multiple_of(LANES) + 2 * LANES
 }
@@ -105,7 +105,7 @@ impl Body for Scan<'_> {
     }
 }
 
-/// Row `y` of the differences of all levels into its place of the ring.
+/// Writes row `y` of the differences of all levels to its place in the ring.
 #[inline(always)]
 fn subtract_row<L: Lanes>(
     differences: Differences<'_>,
@@ -129,7 +129,8 @@ fn subtract_row<L: Lanes>(
     }
 }
 
-/// Which of the samples at `x..x + LANES` of the middle row of the middle level are extrema; the tie rule of the module.
+/// Which of the samples at `x..x + LANES` in the middle row of the middle level are extrema, as bits; ties are resolved as
+/// the module says.
 #[inline(always)]
 fn extrema_at<L: Lanes>(
     below: [&[f32]; 3],
@@ -176,6 +177,7 @@ fn extrema_at<L: Lanes>(
     L::bits(L::or(high, low))
 }
 
+/// The sample at `x` and its two neighbours in the row.
 #[inline(always)]
 fn three<L: Lanes>(row: &[f32], x: usize) -> [L; 3] {
     [load(row, x - 1), load(row, x), load(row, x + 1)]
@@ -191,7 +193,7 @@ fn smallest<L: Lanes>([a, b, c]: [L; 3]) -> L {
     a.min(b).min(c)
 }
 
-/// Largest and smallest of the nine samples around and at `x`.
+/// The largest and the smallest of the nine samples around and at `x`.
 #[inline(always)]
 fn nine<L: Lanes>([up, middle, down]: [&[f32]; 3], x: usize) -> (L, L) {
     let (up, middle, down) = (
@@ -224,7 +226,7 @@ mod tests {
         planes
     }
 
-    /// What is found, the same on every level, in order.
+    /// The extrema found, in order, after a check that every level finds the same.
     fn found(samples: &[(Sample, f32)]) -> Vec<Sample> {
         let planes = planes(samples);
         let run = |level| {

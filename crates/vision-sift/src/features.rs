@@ -7,15 +7,15 @@ use crate::constants::DESCRIPTOR_LENGTH;
 /// A point of the scale space with several orientations gives one keypoint for each.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Keypoint {
-    /// Column in input pixels; 0 is the centre of the leftmost pixel.
+    /// The column in input pixels; 0 is the centre of the leftmost pixel.
     pub x: f32,
-    /// Row in input pixels; 0 is the centre of the topmost pixel.
+    /// The row in input pixels; 0 is the centre of the topmost pixel.
     pub y: f32,
-    /// Scale in input pixels: the standard deviation of the Gaussian at which the keypoint was found.
+    /// The scale in input pixels: the standard deviation of the Gaussian at which the keypoint was found.
     pub sigma: f32,
-    /// Orientation in radians, `[0, 2 pi)`, from the x axis towards the y axis (clockwise as seen).
+    /// The orientation in radians, `[0, 2 pi)`, from the x axis towards the y axis (clockwise as seen).
     pub angle: f32,
-    /// `|D|` at the refined extremum, grey values in `[0, 1]`.
+    /// The contrast: `|D|` at the refined extremum, for grey values in `[0, 1]`.
     pub response: f32,
 }
 

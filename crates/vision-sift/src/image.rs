@@ -1,4 +1,4 @@
-//! The grey image seen by the detector and the `f32` planes it works on.
+//! The grey image that the detector is given and the `f32` planes on which it works.
 //!
 //! [`GrayImage`] borrows 8-bit pixels with any row stride. [`Plane`] owns one level of the pyramid in `f32`, rows
 //! contiguous, grey values scaled to `[0, 1]` as in Lowe 2004, section 4.
@@ -9,9 +9,9 @@ use crate::constants::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
 use crate::error::SiftError;
 use crate::simd::LANES;
 
-/// A borrowed 8-bit grey image.
+/// A borrowed image of 8-bit grey values, with any distance between its rows.
 ///
-/// The constructor checks the sizes once, so that no later stage can read outside.
+/// Sides are 16 to 32 767 pixels long. The constructor checks this once, so that no later stage can read outside.
 #[derive(Debug, Clone, Copy)]
 pub struct GrayImage<'a> {
     width: usize,
@@ -72,12 +72,12 @@ impl<'a> GrayImage<'a> {
         })
     }
 
-    /// Width in pixels.
+    /// The width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Height in pixels.
+    /// The height in pixels.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -105,20 +105,20 @@ impl<'a> TryFrom<&'a image::GrayImage> for GrayImage<'a> {
     }
 }
 
-/// Bytes of a cache line: rows begin on one, so that no vector of a row straddles two.
+/// The size of a cache line, bytes. Rows begin on a line, so that no vector of a row straddles two.
 const LINE_BYTES: usize = 64;
 
-/// Samples after the last row, so that a vector beginning at any sample of it can be read.
+/// The number of samples after the last row, so that a vector can be read from any sample of it.
 const TAIL: usize = 2 * LANES;
 
-/// One `f32` level of the pyramid. Each row is followed by padding up to a multiple of [`LANES`] samples, whose values
-/// are finite but mean nothing.
+/// One level of the pyramid in `f32`. Each row is followed by padding up to a multiple of [`LANES`] samples, whose values
+/// are finite but carry no meaning.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Plane {
     width: usize,
     height: usize,
     stride: usize,
-    /// The first row begins here, on a cache line where the allocation allows it.
+    /// The sample with which the first row begins, on a cache line where the allocation allows it.
     start: usize,
     data: Vec<f32>,
 }
@@ -143,7 +143,7 @@ impl Plane {
         self.height
     }
 
-    /// Samples from row to row, padding included.
+    /// The number of samples from row to row, padding included.
     pub(crate) fn stride(&self) -> usize {
         self.stride
     }
@@ -173,8 +173,8 @@ impl Plane {
         &mut self.data[self.start..][..self.stride * self.height]
     }
 
-    /// Everything from sample `(x, y)` on: the row, its padding, the rows below; at least [`LANES`] samples from any
-    /// sample of the plane or the one after a row's end.
+    /// All samples from `(x, y)` on: the row, its padding and the rows below. There are at least [`LANES`] of them from any
+    /// sample of the plane, and from the one after the end of a row.
     #[inline(always)]
     pub(crate) fn from(&self, x: usize, y: usize) -> &[f32] {
         &self.data[self.start + y * self.stride + x..]
@@ -185,7 +185,7 @@ impl Plane {
         self.data[self.start + y * self.stride + x]
     }
 
-    /// Bytes held, whether in use or spare.
+    /// The memory held on the heap, bytes.
     pub(crate) fn memory_usage(&self) -> usize {
         self.data.capacity() * size_of::<f32>()
     }

@@ -1,4 +1,4 @@
-//! Gaussian kernels of the pyramid (Lowe, section 3).
+//! The Gaussian kernels of the pyramid (Lowe, section 3).
 //!
 //! Blurs add in squares: a level of scale `sigma_i` becomes the next by a blur of `sqrt(sigma_(i+1)^2 - sigma_i^2)`.
 //!
@@ -8,20 +8,20 @@
 
 use crate::params::SiftParams;
 
-/// Rows a blur makes at a time: each source row is then read once for four output rows.
+/// The number of rows that a blur makes at a time: each source row is then read once for four output rows.
 pub(crate) const BLUR_ROWS: usize = 4;
 
 /// A normalised, symmetric Gaussian kernel.
 #[derive(Debug, Clone)]
 pub(crate) struct Kernel {
-    /// `half[k]` belongs to the offsets `+k` and `-k`.
+    /// The weights: `half[k]` belongs to the offsets `+k` and `-k`.
     half: Vec<f32>,
     /// All taps in order between [`BLUR_ROWS`]` - 1` zeros on either side.
     padded: Vec<f32>,
 }
 
 impl Kernel {
-    /// Kernel whose taps up to `radius` have the variance `sigma^2`, or as much of it as they can.
+    /// The kernel whose taps up to `radius` have the variance `sigma^2`, or as much of it as they can have.
     pub(crate) fn of_variance(sigma: f32, radius: usize) -> Self {
         let wanted = f64::from(sigma).powi(2);
         // The variance of the cut kernel grows with the standard deviation of its taps.
@@ -37,14 +37,14 @@ impl Kernel {
         Self::gaussian(high, radius)
     }
 
-    /// Sum of the squared offsets, weighted.
+    /// The weighted sum of the squared offsets.
     fn variance(&self) -> f64 {
         let half = self.half.iter().enumerate();
         half.map(|(k, &weight)| 2.0 * f64::from(weight) * (k * k) as f64)
             .sum()
     }
 
-    /// Kernel of standard deviation `sigma` samples, cut after `radius` samples.
+    /// The Gaussian of standard deviation `sigma` samples, cut after `radius` samples.
     pub(crate) fn gaussian(sigma: f32, radius: usize) -> Self {
         let value =
             |k: usize| (-((k * k) as f64) / (2.0 * f64::from(sigma) * f64::from(sigma))).exp();
@@ -58,11 +58,12 @@ impl Kernel {
         Self { half, padded }
     }
 
+    /// The number of taps on either side of the centre.
     pub(crate) fn radius(&self) -> usize {
         self.half.len() - 1
     }
 
-    /// `half()[k]` is the weight at offset `+k` and `-k`.
+    /// The weights: `half()[k]` belongs to the offsets `+k` and `-k`.
     #[inline(always)]
     pub(crate) fn half(&self) -> &[f32] {
         &self.half
@@ -83,7 +84,7 @@ pub(crate) struct Kernels {
 }
 
 impl Kernels {
-    /// Kernels for checked parameters.
+    /// The kernels for parameters that have been checked.
     pub(crate) fn new(params: &SiftParams) -> Self {
         let start = params.camera_sigma / params.octave_step(0);
         let conventions = params.conventions;

@@ -8,7 +8,8 @@
 //! 3. Each local maximum of at least 0.8 of the highest gives an orientation; a parabola through the bin and its two
 //!    neighbours gives the angle between bins.
 //!
-//! A flat window (no gradient at all) gives no orientation and so no keypoint. Cost: about 230 to 900 gradients.
+//! Degenerate cases: a flat window, without any gradient, gives no orientation and hence no keypoint.
+//! Cost: about 230 to 900 gradients.
 
 use std::f32::consts::TAU;
 
@@ -22,32 +23,32 @@ use crate::image::Plane;
 use crate::samples::Samples;
 use crate::simd::{self, Body, LANES, Lanes};
 
-/// At most every second bin can be a strict local maximum.
+/// The most orientations of a point: at most every second bin can be a strict local maximum.
 const MAX_PEAKS: usize = ORIENTATION_BINS / 2;
 
-/// Longest row of the window: `base_sigma` 4 and one scale per octave give a radius of 55.
+/// The longest row of a window: `base_sigma` 4 and one scale per octave give a radius of 55.
 const MAX_WINDOW: usize = 128;
 
-/// Partial histograms.
+/// The number of partial histograms.
 const PARTS: usize = 4;
 
 /// Places of a partial histogram: a power of two above the number of bins, so that no index needs a check.
 const BIN_SLOTS: usize = 64;
 
-/// Adding `1.5 * 2^23` rounds to the nearest integer, ties to even, and leaves it in the low bits.
+/// Adding this, `1.5 * 2^23`, rounds to the nearest integer, ties to even, and leaves it in the low bits.
 const INDEX_ROUNDER: f32 = 12_582_912.0;
 
-/// The window of a point, in the pixels of its plane, and how its gradients are counted.
+/// The window of a point, in the pixels of its plane, and the way in which its gradients are counted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct OrientationWindow {
     pub(crate) x: f32,
     pub(crate) y: f32,
-    /// Scale of the point.
+    /// The scale of the point.
     pub(crate) sigma: f32,
-    /// The samples within this in x and in y count.
+    /// Samples count up to this distance in x and in y.
     pub(crate) radius: f32,
     pub(crate) arctangent: Arctangent,
-    /// A gradient goes whole to the nearest bin, not shared between two.
+    /// Whether a gradient counts in the nearest bin only, instead of being shared between two.
     pub(crate) to_nearest_bin: bool,
 }
 
@@ -68,13 +69,13 @@ impl Default for Orientations {
 }
 
 impl Orientations {
-    /// Radians in `[0, 2 pi)`, from the x axis towards the y axis.
+    /// The angles in radians, in `[0, 2 pi)`, from the x axis towards the y axis.
     pub(crate) fn angles(&self) -> &[f32] {
         &self.angles[..self.count]
     }
 }
 
-/// Orientations of one point.
+/// Finds the orientations of a point.
 pub(crate) fn orientations(
     level: SimdLevel,
     plane: &Plane,
@@ -110,7 +111,7 @@ pub(crate) fn orientations(
     result
 }
 
-/// Memory of [`orientations`], kept between calls because clearing it takes time.
+/// The memory of [`orientations`], kept between calls because clearing it takes time.
 pub(crate) struct Scratch {
     columns: WindowTable,
     samples: Samples<2>,
@@ -125,8 +126,8 @@ impl Scratch {
     }
 }
 
-/// The histogram before smoothing. Four partial histograms take every fourth sample: samples beside one another mostly
-/// fall into one bin, and adding to the same place four times in a row would wait for itself.
+/// The histogram before smoothing. Four partial histograms take every fourth sample each: samples beside one another mostly
+/// fall into one bin, and four additions in a row to the same place would wait for one another.
 struct GradientHistogram<'a> {
     plane: &'a Plane,
     window: OrientationWindow,
@@ -166,7 +167,7 @@ impl Body for GradientHistogram<'_> {
                 add_up::<L>(samples, arctangent, to_nearest_bin, &mut bins);
             }
         }
-        // Samples of no weight.
+        // Samples of zero weight complete the last vector.
         samples.fill_up::<L>();
         add_up::<L>(samples, arctangent, to_nearest_bin, &mut bins);
         std::array::from_fn(|i| {
@@ -180,7 +181,7 @@ impl Body for GradientHistogram<'_> {
     }
 }
 
-/// Adds the gradients of all full vectors to the histogram and keeps the rest.
+/// Adds the gradients of all full vectors to the histogram and keeps the samples left over.
 #[inline(always)]
 fn add_up<L: Lanes>(
     samples: &mut Samples<2>,
@@ -245,7 +246,7 @@ fn add_to_nearest<L: Lanes>(position: L, weight: L, bins: &mut [[f32; BIN_SLOTS]
     }
 }
 
-/// First and last sample within `radius` of `centre` that have neighbours on both sides.
+/// The first and the last sample within `radius` of `centre` that have neighbours on both sides.
 fn reach(centre: f32, radius: f32, length: usize) -> (usize, usize) {
     let first = ((centre - radius).ceil().max(1.0) as usize).min(length - 2);
     let last = ((centre + radius).floor().max(1.0) as usize).min(length - 2);
@@ -278,7 +279,7 @@ mod tests {
         plane
     }
 
-    /// The orientations, the same on every level.
+    /// The orientations, after a check that every level finds the same.
     fn found_in(plane: &Plane, x: f32, y: f32, sigma: f32) -> Orientations {
         let window = |to_nearest_bin| OrientationWindow {
             x,

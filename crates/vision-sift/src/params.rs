@@ -6,7 +6,7 @@
 use crate::conventions::Conventions;
 use crate::error::SiftError;
 
-/// How the 128 values of a descriptor are scaled before they become bytes.
+/// The scaling of the 128 values of a descriptor before they become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Normalisation {
     /// Unit length, cut at 0.2, unit length again (Lowe, section 6.1), as OpenCV.
@@ -18,9 +18,9 @@ pub enum Normalisation {
     Root,
 }
 
-/// What the detector looks for. Checked by [`crate::Detector::new`].
+/// The parameters of a [`Detector`](crate::Detector), which checks their ranges when it is made.
 ///
-/// Plain data: start from [`SiftParams::default`] and change what is needed.
+/// Start from [`SiftParams::default`] and change the fields that matter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SiftParams {
     /// Keep only this many features, those with the strongest response; equal responses: the finer octave, then the
@@ -44,9 +44,9 @@ pub struct SiftParams {
     /// keeps more of the noise and fewer of its extrema return in a second picture (repeatability 0.035 lower). With 0
     /// it is 0.02 higher again, but noisy large pictures give fewer keypoints than OpenCV finds in them.
     pub camera_sigma: f32,
-    /// Scaling of the descriptors; both are compared by Euclidean distance, but never one with the other.
+    /// The scaling of the descriptors. Two descriptors can be compared only when both have the same.
     pub normalisation: Normalisation,
-    /// Choices the paper leaves open: this crate's own (default) or OpenCV's, see [`SiftParams::opencv`].
+    /// The choices that the paper leaves open: those of this crate (default) or of OpenCV, see [`SiftParams::opencv`].
     pub conventions: Conventions,
 }
 
@@ -67,10 +67,12 @@ impl Default for SiftParams {
 }
 
 impl SiftParams {
-    /// Parameters that give the keypoints and descriptors of OpenCV's `SIFT_create()`: for comparisons, and for matching
-    /// against descriptors made there. Positions are a quarter pixel too large, as there;
-    /// `SiftParams { conventions: Conventions::opencv_precise(), ..SiftParams::opencv() }` is OpenCV's
-    /// `enable_precise_upscale`, which is not.
+    /// The parameters that give the keypoints and descriptors of OpenCV's `SIFT_create()`, for comparisons and for matching
+    /// against descriptors made there.
+    ///
+    /// Positions are a quarter pixel too large, as they are there.
+    /// `SiftParams { conventions: Conventions::opencv_precise(), ..SiftParams::opencv() }` corresponds to OpenCV's
+    /// `enable_precise_upscale` and has exact positions.
     #[must_use]
     pub fn opencv() -> Self {
         Self {
@@ -86,10 +88,10 @@ impl SiftParams {
         }
     }
 
-    /// Checks every range.
+    /// Checks the range of every field.
     ///
     /// # Errors
-    /// [`SiftError::ParameterOutOfRange`] for the first field outside its range.
+    /// [`SiftError::ParameterOutOfRange`] for the first field that lies outside.
     pub fn check(&self) -> Result<(), SiftError> {
         if let Some(n) = self.max_features {
             in_range("max_features", n as f64, 1.0, f64::MAX)?;
@@ -116,17 +118,17 @@ impl SiftParams {
         )
     }
 
-    /// Smallest `|D|` of a keypoint, grey values in `[0, 1]`.
+    /// The smallest `|D|` of a keypoint, for grey values in `[0, 1]`.
     pub(crate) fn min_contrast(&self) -> f32 {
         self.contrast_threshold / self.scales_per_octave as f32
     }
 
-    /// Scale of level `level` (may be fractional) of an octave, octave pixels: `sigma_0 2^(level / s)`.
+    /// The scale of a level of an octave, which may be fractional, in octave pixels: `sigma_0 2^(level / s)`.
     pub(crate) fn level_sigma(&self, level: f32) -> f32 {
         self.base_sigma * (level / self.scales_per_octave as f32).exp2()
     }
 
-    /// Input pixels per pixel of octave `octave`.
+    /// The number of input pixels per pixel of octave `octave`.
     pub(crate) fn octave_step(&self, octave: usize) -> f32 {
         let first = if self.double_image { 0.5 } else { 1.0 };
         first * (1_u64 << octave) as f32

@@ -11,15 +11,15 @@ pub(crate) struct Sample {
 /// A refined extremum in the coordinates of its octave.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ScalePoint {
-    /// The sample the fit settled on; different candidates may settle on the same one.
+    /// The sample on which the fit settled; different candidates may settle on the same one.
     pub(crate) sample: Sample,
-    /// Position in octave pixels.
+    /// The column in octave pixels.
     pub(crate) x: f32,
-    /// Position in octave pixels.
+    /// The row in octave pixels.
     pub(crate) y: f32,
-    /// Level within the octave, fractional.
+    /// The level within the octave, fractional.
     pub(crate) level: f32,
-    /// `|D(x^)|`.
+    /// The contrast, `|D(x^)|`.
     pub(crate) response: f32,
 }
 

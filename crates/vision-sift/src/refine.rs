@@ -1,34 +1,34 @@
-//! Sub-sample position of an extremum, contrast test and edge test (Lowe, section 4).
+//! The position of an extremum between samples, the contrast test and the edge test (Lowe, section 4).
 //!
 //! Around a sample the difference of Gaussians is taken as a quadratic in `x = (x, y, level)`:
 //! ```text
 //! D(x) = D + g' x + x' H x / 2,     x^ = -H^-1 g  (solved, not inverted),     D(x^) = D + g' x^ / 2     (Lowe, eq. 2, 3)
 //! ```
-//! with `g` and `H` from central differences. When the offset `x^` is longer than
-//! [`MAX_REFINE_OFFSET`](crate::params) along an axis the sample moves there and the fit is repeated. A fit that would
-//! have to move but cannot (steps used up, border or level range reached) is kept up to
-//! [`MAX_LAST_OFFSET`](crate::params): such points hop between two samples, and in a second picture one of the two fits
-//! may well settle.
+//! with `g` and `H` from central differences. When the offset `x^` is longer than [`OffsetLimits::settled`] along an axis,
+//! the sample moves there and the fit is repeated. A fit that would have to move but cannot (all steps are used, or the
+//! border or the last level is reached) is kept up to [`OffsetLimits::last`]: such points hop between two samples, and in a
+//! second picture one of the two fits may well settle.
 //!
-//! Rejected: fits further off than that, singular `H`; `|D(x^)|` below the contrast threshold;
-//! and edges, by the ratio of the principal curvatures of the 2x2 spatial Hessian, `tr^2 / det < (r + 1)^2 / r`
-//! (section 4.1; `det <= 0` is a saddle and rejected as well).
+//! Rejected are fits further off than that, a singular `H`, `|D(x^)|` below the contrast threshold, and edges: points whose
+//! ratio of principal curvatures, from the 2x2 spatial Hessian, does not satisfy `tr^2 / det < (r + 1)^2 / r` (section 4.1;
+//! `det <= 0` is a saddle and is rejected as well).
 
 use crate::constants::{BORDER, MAX_REFINE_STEPS};
 use crate::points::{OffsetLimits, Sample, ScalePoint};
 use crate::scale_space::Differences;
 
-/// Which refined extrema become points.
+/// The conditions under which a refined extremum becomes a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Acceptance {
-    /// Least `|D(x^)|`.
+    /// The least `|D(x^)|`.
     pub(crate) min_contrast: f32,
-    /// Largest ratio of principal curvatures.
+    /// The largest ratio of principal curvatures.
     pub(crate) edge_ratio: f32,
+    /// The largest offsets.
     pub(crate) offsets: OffsetLimits,
 }
 
-/// Refines one candidate; `None` when it is rejected.
+/// Refines a candidate; `None` when it is rejected.
 pub(crate) fn refine(
     differences: Differences<'_>,
     start: Sample,
@@ -64,13 +64,13 @@ fn moved_by(offset: [f32; 3], from: Sample, differences: Differences<'_>) -> Opt
     })
 }
 
-/// `from + round(offset)` if it lies in `low..high`; false for offsets that are not numbers.
+/// `from + round(offset)` if it lies in `low..high`; `None` also for an offset that is not a number.
 fn moved(from: usize, offset: f32, low: usize, high: usize) -> Option<usize> {
     let to = from as f32 + offset.round();
     (to >= low as f32 && to < high as f32).then_some(to as usize)
 }
 
-/// Value, gradient and Hessian of `D` in (x, y, level) by central differences.
+/// The value, gradient and Hessian of `D` in (x, y, level), by central differences.
 struct Quadratic {
     value: f32,
     gradient: [f32; 3],

@@ -1,12 +1,12 @@
-//! Samples of a window side by side, so that vectors are full whatever the window's shape.
+//! The samples of a window, side by side, so that vectors are full whatever the shape of the window.
 //!
-//! Rows of a window are short: their last vector is mostly empty. Each row appends the samples it has; the costly part of
-//! the work (arctangents, histograms) is then done on full vectors, one kind of work after the other: the processor
-//! overlaps the waits of several vectors only while the instructions between them are few.
+//! The rows of a window are short, and their last vector is mostly empty. Each row therefore appends the samples it has, and
+//! the costly part of the work (arctangents, histograms) is done on full vectors. It is done one kind of work after the
+//! other, because the processor overlaps the waits of several vectors only while few instructions lie between them.
 
 use crate::simd::{LANES, Lanes, load, store};
 
-/// Room for samples.
+/// The number of samples that fit.
 const ROOM: usize = 512;
 
 /// Up to [`ROOM`] samples of `N` values each.
@@ -16,7 +16,7 @@ pub(crate) struct Samples<const N: usize> {
 }
 
 impl<const N: usize> Samples<N> {
-    /// None.
+    /// No samples.
     #[inline(always)]
     pub(crate) fn new() -> Self {
         Self {
@@ -25,7 +25,7 @@ impl<const N: usize> Samples<N> {
         }
     }
 
-    /// Forgets all samples.
+    /// Drops all samples.
     #[inline(always)]
     pub(crate) fn clear(&mut self) {
         self.count = 0;
@@ -47,7 +47,7 @@ impl<const N: usize> Samples<N> {
         self.count = at + count;
     }
 
-    /// Fills the last vector up with zeros.
+    /// Completes the last vector with zeros.
     #[inline(always)]
     pub(crate) fn fill_up<L: Lanes>(&mut self) {
         let at = self.count;
@@ -55,7 +55,7 @@ impl<const N: usize> Samples<N> {
         self.count = at.next_multiple_of(LANES);
     }
 
-    /// Where the full vectors begin.
+    /// The positions at which full vectors begin.
     #[inline(always)]
     pub(crate) fn full_vectors(&self) -> impl Iterator<Item = usize> + use<N> {
         (0..self.count / LANES).map(|vector| vector * LANES)

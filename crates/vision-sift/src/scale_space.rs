@@ -1,4 +1,4 @@
-//! Gaussian pyramid and differences of Gaussians (Lowe, section 3).
+//! The Gaussian pyramid and the differences of Gaussians (Lowe, section 3).
 //!
 //! ```text
 //! L(x, y, sigma) = G(x, y, sigma) * I(x, y)
@@ -27,7 +27,7 @@ use crate::kernel::{Kernel, Kernels};
 use crate::params::SiftParams;
 use crate::simd::{self, Body, Lanes};
 
-/// Shorter sides than this leave no sample to examine.
+/// The shortest side of an octave: a shorter one leaves no sample to examine.
 const MIN_OCTAVE_SIDE: usize = 2 * BORDER + 1;
 
 /// The differences of one octave: level `i` is Gaussian level `i + 1` minus level `i`.
@@ -35,7 +35,7 @@ const MIN_OCTAVE_SIDE: usize = 2 * BORDER + 1;
 pub(crate) struct Differences<'a>(pub(crate) &'a [Plane]);
 
 impl Differences<'_> {
-    /// Number of difference levels, `s + 2`.
+    /// The number of levels of differences, `s + 2`.
     pub(crate) fn levels(&self) -> usize {
         self.0.len() - 1
     }
@@ -48,6 +48,7 @@ impl Differences<'_> {
         self.0[0].height()
     }
 
+    /// The difference at a sample.
     #[inline]
     pub(crate) fn at(&self, level: usize, x: usize, y: usize) -> f32 {
         self.0[level + 1].at(x, y) - self.0[level].at(x, y)
@@ -65,7 +66,7 @@ pub(crate) struct ScaleSpace {
 }
 
 impl ScaleSpace {
-    /// Number of octaves of the image last given to [`ScaleSpace::start`].
+    /// The number of octaves of the image last given to [`ScaleSpace::start`].
     pub(crate) fn octaves(&self) -> usize {
         self.octaves
     }
@@ -80,13 +81,13 @@ impl ScaleSpace {
         Differences(&self.gaussians[octave * self.levels_per_octave..][..self.levels_per_octave])
     }
 
-    /// Bytes held.
+    /// The memory held on the heap, bytes.
     pub(crate) fn memory_usage(&self) -> usize {
         let planes = self.gaussians.iter().chain([&self.input]);
         planes.map(Plane::memory_usage).sum::<usize>() + self.scratch.capacity() * size_of::<f32>()
     }
 
-    /// Sizes the pyramid for `image` and scales the grey values into the input plane.
+    /// Sizes the pyramid for `image` and writes its grey values, scaled to `[0, 1]`, to the input plane.
     pub(crate) fn start(&mut self, level: SimdLevel, image: &GrayImage<'_>, params: &SiftParams) {
         let conventions = params.conventions;
         let (mut width, mut height) = (image.width(), image.height());
@@ -152,9 +153,10 @@ impl ScaleSpace {
     }
 }
 
+/// Brings bytes to `[0, 1]`.
 const GREY_SCALE: f32 = 1.0 / 255.0;
 
-/// Grey values to `[0, 1]`, doubled by linear interpolation if asked.
+/// Scales grey values to `[0, 1]`, and doubles the image by linear interpolation where `doubling` says so.
 struct LoadRows<'a> {
     image: &'a GrayImage<'a>,
     doubling: Option<Doubling>,
@@ -182,8 +184,8 @@ impl Body for LoadRows<'_> {
     }
 }
 
-/// Row `y` of the doubled image: sample `2x` is sample `x`, the odd ones are means, the last is repeated where the row
-/// has room.
+/// Writes row `y` of the doubled image: sample `2x` is sample `x`, the odd ones are means, and the last is repeated where
+/// the row has room.
 #[inline(always)]
 fn double_on_samples(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
     let (width, height) = (image.width(), image.height());
@@ -207,8 +209,8 @@ fn double_on_samples(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
     }
 }
 
-/// Row `y` of the doubled image whose sample `i` lies at `i / 2 - 1/4`: three parts of the nearer sample and one of the
-/// next, the border repeated.
+/// Writes row `y` of the doubled image whose sample `i` lies at `i / 2 - 1/4`: three parts of the nearer sample and one of
+/// the next, with the border repeated.
 #[inline(always)]
 fn double_by_area(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
     let (width, height) = (image.width(), image.height());
@@ -221,7 +223,7 @@ fn double_by_area(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
     }
 }
 
-/// The other input sample beside output `i`; the nearer is `i / 2`.
+/// The other of the two input samples beside output `i`; the nearer one is `i / 2`.
 #[inline(always)]
 fn beside(i: usize, n: usize) -> usize {
     if i % 2 == 1 {
@@ -231,7 +233,7 @@ fn beside(i: usize, n: usize) -> usize {
     }
 }
 
-/// Every second sample of every second row, beginning with the first.
+/// Takes every second sample of every second row, beginning with the first.
 struct Halve<'a> {
     source: &'a Plane,
     target: &'a mut Plane,

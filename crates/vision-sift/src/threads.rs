@@ -24,7 +24,7 @@ pub(crate) fn for_each_indexed<T>(items: &mut [T], run: impl Fn(usize, &mut T)) 
     }
 }
 
-/// Calls `run(index, item, scratch)` for every item, with a scratch whose contents must not matter.
+/// Calls `run(index, item, scratch)` for every item, with a scratch on whose contents the result must not depend.
 #[cfg(feature = "parallel")]
 pub(crate) fn for_each_with_scratch<T: Send, S>(
     items: &mut [T],
@@ -38,7 +38,7 @@ pub(crate) fn for_each_with_scratch<T: Send, S>(
         .for_each_init(scratch, |scratch, (i, item)| run(i, item, scratch));
 }
 
-/// Calls `run(index, item, scratch)` for every item, with a scratch whose contents must not matter.
+/// Calls `run(index, item, scratch)` for every item, with a scratch on whose contents the result must not depend.
 #[cfg(not(feature = "parallel"))]
 pub(crate) fn for_each_with_scratch<T, S>(
     items: &mut [T],

@@ -125,7 +125,7 @@ fn join<const Q: usize>(
     }
 }
 
-/// Lowers the limit to the second smallest distance and finds the lanes within it.
+/// Lowers the limit to the second smallest distance over all lanes and finds the lanes within it.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn finish(best: &mut RunBest) {
@@ -176,7 +176,7 @@ fn near_group<const Q: usize>(
     }
 }
 
-/// h + s.r of every query.
+/// h + s.r of every query and the rows of a block.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn dots<const Q: usize>(block: &RowBlock, queries: [&PreparedQuery; Q]) -> [Pair; Q] {
@@ -211,7 +211,7 @@ fn dots<const Q: usize>(block: &RowBlock, queries: [&PreparedQuery; Q]) -> [Pair
     sums
 }
 
-/// Lanes of at most `limit`, as bits.
+/// The lanes of at most `limit`, as bits.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn within(pair: Pair, limit: u32) -> u16 {

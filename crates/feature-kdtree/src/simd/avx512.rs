@@ -139,7 +139,7 @@ fn join<const Q: usize, const R: usize, const C: usize>(
     }
 }
 
-/// Lowers the limit to the second smallest distance and finds the lanes within it.
+/// Lowers the limit to the second smallest distance over all lanes and finds the lanes within it.
 #[inline]
 #[target_feature(enable = "avx512f")]
 fn finish(best: &mut RunBest) {

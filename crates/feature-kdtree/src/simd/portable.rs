@@ -89,7 +89,7 @@ fn distances_of(block: &RowBlock, query: &PreparedQuery) -> Lanes {
     Lanes(distances)
 }
 
-/// Sum of the products of the signed sixteen-bit halves.
+/// The sum of the products of the signed sixteen-bit halves.
 #[inline]
 fn pair_product(a: u32, b: i32) -> i32 {
     let a = a.cast_signed();
@@ -98,7 +98,7 @@ fn pair_product(a: u32, b: i32) -> i32 {
     low.wrapping_add(high)
 }
 
-/// Lanes of at most `limit`, as bits.
+/// The lanes of at most `limit`, as bits.
 fn within(lanes: &Lanes, limit: u32) -> u16 {
     (0..LANES).fold(0, |mask, lane| {
         mask | u16::from(lanes.0[lane] <= limit) << lane

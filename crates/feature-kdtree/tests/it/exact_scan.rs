@@ -1,6 +1,6 @@
 //! The exact scan on every level of instructions against sorting everything.
 //!
-//! What differs between the levels, and between one query and a batch, is only the time.
+//! Levels differ in time only, and so do one query and a batch.
 
 use feature_kdtree::{Descriptor, DescriptorIndex, ExactScan, IndexError, match_descriptors};
 use proptest::prelude::*;

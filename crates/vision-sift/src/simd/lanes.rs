@@ -1,6 +1,6 @@
 //! The vector type that inner loops are written for, and how they are handed over.
 
-/// Lanes of one vector.
+/// The number of lanes in a vector.
 pub(crate) const LANES: usize = 16;
 
 /// The values of one vector in memory.
@@ -32,7 +32,7 @@ pub(crate) trait Lanes: Copy {
     /// `self > other ? self : other`.
     fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
-    /// The largest integer not above, for `|x| < 2^22`; a zero may have either sign.
+    /// The largest integer not above the value, for `|x| < 2^22`; a zero may have either sign.
     fn floor(self) -> Self;
     fn greater(self, other: Self) -> Self::Mask;
     fn greater_or_equal(self, other: Self) -> Self::Mask;

@@ -4,7 +4,7 @@
 
 use super::lanes::{LANES, Lanes, Run};
 
-/// Lanes in an array.
+/// Sixteen lanes in an array.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Portable(Run);
 

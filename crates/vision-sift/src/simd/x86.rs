@@ -1,9 +1,9 @@
 //! AVX2 and AVX-512 forms of [`Lanes`], and the two calls that enter code compiled for them.
 //!
 //! Safety of the whole module: the intrinsics need a processor that has them. The types here are private to it and only
-//! reach a [`Body`] through [`run_avx2`] and [`run_avx512`], which are called for levels that
-//! [`SimdLevel`](super::SimdLevel) has found at run time. Loads and stores go through references to arrays of the
-//! right length. The tests of the parent module compare every operation with the portable form.
+//! reach a [`Body`] through [`run_avx2`] and [`run_avx512`], which take the proof that the instructions were found at run
+//! time. Loads and stores go through references to arrays of the right length. The tests of the parent module compare every
+//! operation with the portable form.
 #![expect(unsafe_code, reason = "vector instructions found at run time")]
 
 use std::arch::x86_64::*;

@@ -1,4 +1,4 @@
-//! What must hold for every picture.
+//! Properties that hold for every picture.
 
 use crate::pictures::{Picture, agreement, descriptor_distance, detect, detect_with, scene};
 use proptest::prelude::*;
@@ -67,7 +67,7 @@ proptest! {
         let weakest = some.keypoints.iter().map(|k| k.response).fold(f32::INFINITY, f32::min);
         let stronger = all.keypoints.iter().filter(|k| k.response > weakest).count();
         prop_assert!(stronger < limit.max(1) || all.keypoints.len() <= limit);
-        // What is kept is a subsequence of everything.
+        // The features kept are a subsequence of all features.
         let mut rest = all.keypoints.iter().zip(&all.descriptors);
         for pair in some.keypoints.iter().zip(&some.descriptors) {
             prop_assert!(rest.any(|other| other == pair));
