@@ -2,14 +2,14 @@
 //!
 //! Levels differ in time only, and so do one query and a batch.
 
-use feature_kdtree::{Descriptor, DescriptorIndex, ExactScan, IndexError, match_descriptors};
+use feature_kdtree::{Descriptor, DescriptorIndex, ExactScan, IndexError};
 use proptest::prelude::*;
 use simd_level::SimdLevel;
 
 use crate::scene::Scene;
 use crate::support::{
-    Change, Frequencies, Numbered, batch, change, check_entries, check_exact, corpora, counted,
-    counted_down, filled, naive_two_nearest, queries_for,
+    Change, Expected, Frequencies, Numbered, batch, change, check_entries, check_exact, corpora,
+    counted, counted_down, filled, queries_for,
 };
 
 fn scan_of(level: SimdLevel, entries: &[(u32, Descriptor)]) -> ExactScan {
@@ -25,31 +25,13 @@ fn every_level_and_every_way_to_ask_agree_with_sorting() {
         let queries = queries_for(&entries);
         for numbered in [down, up] {
             let odd = |id: u32| id % 4 == 1;
-            let expected: Vec<_> = queries
-                .iter()
-                .map(|query| naive_two_nearest(&numbered, query, |_| true))
-                .collect();
-            let expected_odd: Vec<_> = queries
-                .iter()
-                .map(|query| naive_two_nearest(&numbered, query, odd))
-                .collect();
+            let expected = Expected::new(&numbered, &queries, odd);
             for level in SimdLevel::available() {
                 let scan = scan_of(level, &numbered);
-                let label = format!("{name}, {level}");
-                assert_eq!(batch(&scan, &queries), expected, "{label}");
-                let single: Vec<_> = queries
-                    .iter()
-                    .map(|query| scan.two_nearest(query))
-                    .collect();
-                assert_eq!(single, expected, "{label}");
-                let filtered: Vec<_> = queries
-                    .iter()
-                    .map(|query| scan.two_nearest_where(query, &odd))
-                    .collect();
-                assert_eq!(filtered, expected_odd, "{label}");
+                expected.assert_of(&scan, &format!("{name}, {level}"));
                 let ids = numbered.iter().map(|(id, _)| *id).filter(|id| odd(*id));
                 let part = ExactScan::gathered(&scan, ids);
-                assert_eq!(batch(&part, &queries), expected_odd, "{label}");
+                assert_eq!(batch(&part, &queries), expected.accepted, "{name}, {level}");
             }
         }
     }
@@ -154,11 +136,8 @@ fn exact_matches_do_not_depend_on_threads_levels_or_order() {
         for numbered in [&up, &down] {
             let scan = scan_of(level, numbered);
             for threads in [1, 2, 5] {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-                let matches = pool
-                    .unwrap()
-                    .install(|| match_descriptors(&queries, &scan, 0.8).unwrap());
-                answers.push(matches);
+                let run = || feature_kdtree::match_descriptors(&queries, &scan, 0.8).unwrap();
+                answers.push(crate::support::on_threads(threads, run));
             }
         }
     }

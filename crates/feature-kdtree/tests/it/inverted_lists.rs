@@ -2,14 +2,13 @@
 
 use feature_kdtree::{
     Descriptor, DescriptorIndex, ExactScan, IndexError, InvertedLists, InvertedListsParams,
-    match_descriptors,
 };
 use proptest::prelude::*;
 use simd_level::SimdLevel;
 
 use crate::scene::Scene;
 use crate::support::{
-    Change, Frequencies, Numbered, batch, change, check_entries, check_exact, corpora, counted,
+    Change, Expected, Frequencies, Numbered, change, check_entries, check_exact, corpora, counted,
     counted_down, filled, naive_two_nearest, queries_for,
 };
 
@@ -23,32 +22,17 @@ fn lists(list_capacity: usize, probes: Option<usize>) -> InvertedLists {
 
 #[test]
 fn all_lists_together_are_exact_on_every_corpus_and_level() {
-    let odd = |id: u32| id % 2 == 1;
     for (name, entries) in corpora(2000) {
         let numbered = counted_down(&entries);
         let queries = queries_for(&entries);
-        let expected: Vec<_> = queries
-            .iter()
-            .map(|query| naive_two_nearest(&numbered, query, |_| true))
-            .collect();
-        let expected_odd: Vec<_> = queries
-            .iter()
-            .map(|query| naive_two_nearest(&numbered, query, odd))
-            .collect();
+        let expected = Expected::new(&numbered, &queries, |id| id % 2 == 1);
         for level in SimdLevel::available() {
             let params = InvertedListsParams {
                 list_capacity: 24,
                 probes: Some(usize::MAX),
             };
             let index = filled(InvertedLists::with_level(params, level).unwrap(), &numbered);
-            assert_eq!(batch(&index, &queries), expected, "batch, {name}, {level}");
-            for ((query, expected), expected_odd) in
-                queries.iter().zip(&expected).zip(&expected_odd)
-            {
-                assert_eq!(index.two_nearest(query), *expected, "{name}, {level}");
-                let found = index.two_nearest_where(query, &odd);
-                assert_eq!(found, *expected_odd, "where, {name}, {level}");
-            }
+            expected.assert_of(&index, &format!("{name}, {level}"));
         }
     }
 }
@@ -271,9 +255,8 @@ fn matches_do_not_depend_on_the_number_of_threads() {
         .collect();
     let index = filled(lists(32, Some(3)), &counted(&entries));
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.unwrap()
-            .install(|| match_descriptors(&queries, &index, 0.8).unwrap())
+        let run = || feature_kdtree::match_descriptors(&queries, &index, 0.8).unwrap();
+        crate::support::on_threads(threads, run)
     };
     let alone = run(1);
     assert!(alone.len() > 100);

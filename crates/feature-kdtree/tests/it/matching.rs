@@ -6,7 +6,7 @@ use feature_kdtree::{
 };
 
 use crate::scene::Scene;
-use crate::support::{counted, filled, naive_two_nearest};
+use crate::support::{counted, naive_two_nearest};
 
 /// At squared distance `value^2` from zero.
 fn along_first_axis(value: u8) -> Descriptor {
@@ -156,10 +156,9 @@ fn matches_do_not_depend_on_the_number_of_threads() {
         .map(|i| scene.seen_again(&entries[7 * i], 12.0))
         .collect();
     let forest = KdForest::new(KdForestParams::default()).unwrap();
-    let forest = filled(forest, &counted(&entries));
+    let forest = crate::support::filled(forest, &counted(&entries));
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.unwrap().install(|| {
+        crate::support::on_threads(threads, || {
             (
                 match_descriptors(&queries, &forest, 0.8).unwrap(),
                 match_mutual(&queries, &entries, 0.8).unwrap(),

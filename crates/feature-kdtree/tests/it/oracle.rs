@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::scene::Scene;
 use crate::support::{
-    Change, Frequencies, Numbered, change, check_entries, check_exact, corpora, counted,
+    Change, Expected, Frequencies, Numbered, change, check_entries, check_exact, corpora, counted,
     counted_down, filled, naive_two_nearest, queries_for,
 };
 
@@ -29,23 +29,9 @@ fn exact_indexes_agree_with_sorting_on_every_corpus() {
         let numbered = counted_down(&entries);
         let scan = filled(ExactScan::new(), &numbered);
         let forest = filled(exact_forest(4), &numbered);
-        for query in queries_for(&entries) {
-            let expected = naive_two_nearest(&numbered, &query, |_| true);
-            assert_eq!(scan.two_nearest(&query), expected, "scan, {name}");
-            assert_eq!(forest.two_nearest(&query), expected, "forest, {name}");
-            let odd = |id: u32| id % 2 == 1;
-            let expected = naive_two_nearest(&numbered, &query, odd);
-            assert_eq!(
-                scan.two_nearest_where(&query, &odd),
-                expected,
-                "scan where, {name}"
-            );
-            assert_eq!(
-                forest.two_nearest_where(&query, &odd),
-                expected,
-                "forest where, {name}"
-            );
-        }
+        let expected = Expected::new(&numbered, &queries_for(&entries), |id| id % 2 == 1);
+        expected.assert_of(&scan, &format!("scan, {name}"));
+        expected.assert_of(&forest, &format!("forest, {name}"));
     }
 }
 

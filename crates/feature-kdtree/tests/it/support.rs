@@ -66,6 +66,51 @@ pub(crate) fn naive_two_nearest(
     })
 }
 
+/// The answers of the model to some queries, over all entries and over those that `accept` takes.
+pub(crate) struct Expected {
+    queries: Vec<Descriptor>,
+    accept: fn(u32) -> bool,
+    all: Vec<Option<TwoNearest>>,
+    pub(crate) accepted: Vec<Option<TwoNearest>>,
+}
+
+impl Expected {
+    pub(crate) fn new(
+        entries: &[(u32, Descriptor)],
+        queries: &[Descriptor],
+        accept: fn(u32) -> bool,
+    ) -> Self {
+        let answers = |accept: fn(u32) -> bool| {
+            let answer = |query| naive_two_nearest(entries, query, accept);
+            queries.iter().map(answer).collect()
+        };
+        Self {
+            queries: queries.to_vec(),
+            accept,
+            all: answers(|_| true),
+            accepted: answers(accept),
+        }
+    }
+
+    /// Asserts that an exact index gives these answers in a batch, one by one and with the filter.
+    pub(crate) fn assert_of(&self, index: &dyn DescriptorIndex, label: &str) {
+        assert_eq!(batch(index, &self.queries), self.all, "batch, {label}");
+        let answers = self.all.iter().zip(&self.accepted);
+        for (query, (all, accepted)) in self.queries.iter().zip(answers) {
+            assert_eq!(index.two_nearest(query), *all, "{label}");
+            let found = index.two_nearest_where(query, &self.accept);
+            assert_eq!(found, *accepted, "where, {label}");
+        }
+    }
+}
+
+/// Runs on a pool of so many threads.
+#[cfg(feature = "parallel")]
+pub(crate) fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.unwrap().install(run)
+}
+
 fn uniform(rng: &mut ChaCha8Rng) -> Descriptor {
     std::array::from_fn(|_| rng.random())
 }
