@@ -18,9 +18,9 @@ use crate::filter::landmark::Landmark;
 use crate::filter::observation::Sighting;
 use crate::method::DescriptorSearch;
 
-/// Squared descriptor distance at which the forest learns the new look of a landmark: half of what separates most
-/// true matches from false ones.
-const REINDEX_DISTANCE_SQUARED: u32 = 120 * 120;
+/// Squared descriptor distance at which a landmark takes a new look: half of what separates most true matches from
+/// false ones.
+const NEW_LOOK_DISTANCE_SQUARED: u32 = 120 * 120;
 
 /// Whether the particles hold the landmark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +38,9 @@ pub(crate) struct Entry {
     pub(crate) stage: Stage,
     /// Descriptor of the last sighting.
     pub(crate) descriptor: Box<Descriptor>,
+    /// Descriptor that the ratio test compares: it stays until a sighting looks clearly different, so that the nearest
+    /// neighbours of a keypoint do not change with every frame.
+    pub(crate) look: Box<Descriptor>,
     /// Gaussian after the first sighting, in the anchor camera.
     pub(crate) prototype: Landmark,
     /// First sighting.
@@ -50,6 +53,13 @@ pub(crate) struct Entry {
     pub(crate) observations: u32,
     /// Belief that it exists.
     pub(crate) existence: Existence,
+}
+
+impl Entry {
+    /// Whether `descriptor` is far enough from the look to replace it.
+    fn looks_different(&self, descriptor: &Descriptor) -> bool {
+        distance_squared(&self.look, descriptor) > NEW_LOOK_DISTANCE_SQUARED
+    }
 }
 
 /// A landmark seen again.
@@ -98,7 +108,7 @@ pub(crate) struct CatalogueUpdate {
 pub(crate) struct Catalogue {
     entries: BTreeMap<u32, Entry>,
     next_id: u32,
-    /// Descriptors of all entries, where the method searches the whole map.
+    /// Looks of all entries, where the method searches the whole map.
     forest: Option<KdForest>,
 }
 
@@ -159,9 +169,9 @@ impl Catalogue {
             forest.remove(*id);
         }
         for seen in &update.seen {
-            let differs = forest.descriptor(seen.id).is_some_and(|held| {
-                distance_squared(&held, &seen.descriptor) > REINDEX_DISTANCE_SQUARED
-            });
+            let differs = self
+                .get(seen.id)
+                .is_some_and(|entry| entry.looks_different(&seen.descriptor));
             if differs {
                 forest.remove(seen.id);
                 forest.insert(seen.id, &seen.descriptor)?;
@@ -194,6 +204,9 @@ impl Catalogue {
         }
         for seen in update.seen {
             if let Some(entry) = self.entries.get_mut(&seen.id) {
+                if entry.looks_different(&seen.descriptor) {
+                    *entry.look = seen.descriptor;
+                }
                 *entry.descriptor = seen.descriptor;
                 entry.last = seen.sighting;
                 entry.last_direction = seen.direction;
@@ -207,6 +220,7 @@ impl Catalogue {
                 Entry {
                     stage: Stage::Tentative,
                     descriptor: Box::new(new.descriptor),
+                    look: Box::new(new.descriptor),
                     prototype: new.prototype,
                     first: new.sighting,
                     last: new.sighting,

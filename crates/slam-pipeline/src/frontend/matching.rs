@@ -76,7 +76,7 @@ impl Matcher<'_> {
         let visible: ExactScan = self
             .in_view
             .keys()
-            .filter_map(|id| Some((*id, &*self.catalogue.get(*id)?.descriptor)))
+            .filter_map(|id| Some((*id, &*self.catalogue.get(*id)?.look)))
             .collect();
         let open = self.open(pairing);
         let queries: Vec<Descriptor> = open
