@@ -25,6 +25,7 @@
 
 pub mod calibrate;
 pub mod run;
+mod stopwatch;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

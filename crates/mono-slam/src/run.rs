@@ -8,10 +8,11 @@ use slam_io::{
 };
 use slam_pipeline::config::ValidConfig;
 use slam_pipeline::record::{LandmarkRecord, PlanarPose};
-use slam_pipeline::stopwatch::{Clock, Lap, StageClock};
 use slam_pipeline::{FrameInput, FrameReport, OdometryInterval, Rig, Slam, SlamError, detector_of};
 use thiserror::Error;
 use vision_sift::{Features, GrayImage, SiftError, Workspace};
+
+use crate::stopwatch::{Clock, Lap, StageClock};
 
 /// Frames kept for the picture strip.
 const SNAPSHOTS: usize = 8;
@@ -154,11 +155,8 @@ fn run_in_pool(
             times: StageTimes {
                 decode_ms,
                 features_ms,
-                association_ms: stages.association_ms,
-                proposal_ms: stages.proposal_ms,
-                evolution_ms: stages.evolution_ms,
-                mapping_ms: stages.mapping_ms,
                 total_ms: (clock() - frame_started) * 1e3,
+                ..stages
             },
             notes: outcome.notes,
         });

@@ -33,7 +33,6 @@ mod odometry;
 pub mod record;
 mod rig;
 mod slam;
-pub mod stopwatch;
 
 pub use features::detector_of;
 pub use odometry::{Control, Odometer, OdometryInterval};
