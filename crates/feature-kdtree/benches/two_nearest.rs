@@ -136,12 +136,6 @@ fn growth(criterion: &mut Criterion) {
     group.sample_size(20);
     let visible: Vec<u32> = (0..300).map(|i| 33 * i).collect();
     let mut found = Vec::new();
-    group.bench_function("gathered", |b| {
-        b.iter(|| {
-            let part = ExactScan::gathered(&scan, visible.iter().copied());
-            part.two_nearest_batch(&queries, &mut found);
-        });
-    });
     group.bench_function("collected", |b| {
         b.iter(|| {
             let entries = visible.iter().map(|&id| (id, &descriptors[id as usize]));

@@ -57,19 +57,6 @@ impl ExactScan {
         }
     }
 
-    /// A copy of the entries of `index` under `ids`; ids that are not present and repeated ones are passed over.
-    ///
-    /// O(ids), 0.1 us each. Where the descriptors are at hand, collecting them is cheaper.
-    #[must_use]
-    pub fn gathered(
-        index: &(impl DescriptorIndex + ?Sized),
-        ids: impl IntoIterator<Item = u32>,
-    ) -> Self {
-        ids.into_iter()
-            .filter_map(|id| Some((id, index.descriptor(id)?)))
-            .collect()
-    }
-
     /// Ids of all entries, in the order of the rows.
     pub(crate) fn ids(&self) -> &[u32] {
         self.rows.ids()

@@ -167,9 +167,9 @@ impl KdForest {
     /// Two forests with equal parameters and entries answer equally after it, and go on doing so under equal
     /// changes, whatever their histories were. It costs as much as inserting all entries.
     pub fn rebuild(&mut self) {
-        let mut ids = self.entries.ids().to_vec();
-        ids.sort_unstable();
-        self.entries = ExactScan::gathered(&self.entries, ids.iter().copied());
+        let mut entries = self.entries.entries();
+        entries.sort_unstable_by_key(|&(id, _)| id);
+        self.entries = entries.into_iter().collect();
         for place in 0..self.trees.len() {
             let mut regrowth = self.start_regrowth(place);
             while regrowth.advance(&self.entries) {}

@@ -29,8 +29,10 @@ fn every_level_and_every_way_to_ask_agree_with_sorting() {
             for level in SimdLevel::available() {
                 let scan = scan_of(level, &numbered);
                 expected.assert_of(&scan, &format!("{name}, {level}"));
-                let ids = numbered.iter().map(|(id, _)| *id).filter(|id| odd(*id));
-                let part = ExactScan::gathered(&scan, ids);
+                let mut part = ExactScan::with_level(level);
+                for (id, descriptor) in numbered.iter().filter(|(id, _)| odd(*id)) {
+                    part.insert(*id, descriptor).unwrap();
+                }
                 assert_eq!(batch(&part, &queries), expected.accepted, "{name}, {level}");
             }
         }
@@ -57,18 +59,20 @@ fn batches_of_every_size_answer_as_single_queries() {
 }
 
 #[test]
-fn gathering_passes_over_absent_and_repeated_ids() {
-    let mut scene = Scene::new(52, 5);
-    let entries = scene.entries(40);
+fn a_part_of_an_index_is_collected_by_its_ids() {
+    let entries = Scene::new(52, 5).entries(40);
     let scan = scan_of(SimdLevel::best(), &counted(&entries));
-    let part = ExactScan::gathered(&scan, [30, 2, 77, 2, 30, 9]);
+    let whole: &dyn DescriptorIndex = &scan;
+    // An id that is not there is passed over, and so is one that comes again.
+    let part: ExactScan = [30, 2, 77, 2, 30, 9]
+        .into_iter()
+        .filter_map(|id| Some((id, whole.descriptor(id)?)))
+        .collect();
     assert_eq!(part.len(), 3);
     for id in [30, 2, 9] {
         assert_eq!(part.descriptor(id), Some(entries[id as usize]));
     }
     assert_eq!((part.descriptor(77), part.descriptor(3)), (None, None));
-    let whole: &dyn DescriptorIndex = &scan;
-    assert!(ExactScan::gathered(whole, []).is_empty());
 }
 
 #[test]
