@@ -7,7 +7,7 @@ use rand_distr::StandardNormal;
 use rbpf_core::{
     FilterConfig, MapUpdate, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal,
     Purpose, RbpfError, Rejuvenation, RejuvenationReport, RejuvenationSchedule, Resampler,
-    StepError, Streams, map_particles,
+    StepError, StepStage, Streams, map_particles,
 };
 use std::convert::Infallible;
 
@@ -126,6 +126,30 @@ fn stages_run_in_the_order_of_the_frame() {
     let equal = -(30.0_f64).ln();
     assert!(filter.set().log_weights().iter().all(|w| *w == equal));
     assert!(filter.set().origins().is_sorted());
+}
+
+#[test]
+fn the_observer_is_told_the_stages_and_changes_nothing() {
+    let config = FilterConfig {
+        resampling_threshold: 1.0,
+        ..FilterConfig::default()
+    };
+    let (mut observed, mut alone) = (filter(30, config), filter(30, config));
+    let mut stages = vec![];
+    let proposal = RandomWalk { r: 0.1 };
+    let told = observed
+        .step_observed(0, &0.3, &proposal, &Shake, &Note, &mut |stage| {
+            stages.push(stage);
+        })
+        .unwrap();
+    let untold = alone.step(0, &0.3, &proposal, &Shake, &Note).unwrap();
+    let order = [
+        StepStage::Proposal,
+        StepStage::Rejuvenation,
+        StepStage::MapUpdate,
+    ];
+    assert_eq!(stages, order);
+    assert_eq!((told, observed.set()), (untold, alone.set()));
 }
 
 #[test]
