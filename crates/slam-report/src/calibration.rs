@@ -3,7 +3,9 @@
 //! Order of the page: key figures, doubts, parameters with their standard deviations, reprojection errors, lens and
 //! coverage, the views that fit best and worst, all images.
 
+mod coverage_grid;
 mod drawings;
+mod lens;
 mod pictures;
 mod tables;
 
@@ -40,7 +42,7 @@ pub fn render_calibration_html(
     page.push_str(&tables::doubts(run));
     page.push_str(&tables::parameters(run));
     page.push_str(&drawings::errors(run));
-    page.push_str(&drawings::lens(run));
+    page.push_str(&lens::lens(run));
     page.push_str(&pictures::section(run, load));
     page.push_str(&tables::images(run));
     page.push_str("</main>\n</body>\n</html>\n");

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use camera_calibration::{CalibrationRun, Outcome, significant};
 
-use super::drawings::coverage_share;
+use super::coverage_grid::coverage_share;
 use crate::escape::escape;
 use crate::units::length;
 
