@@ -1,9 +1,7 @@
 //! The camera on the robot: everything about the sensor that does not change during a run.
 
-use mono_geometry::{Camera, Mount};
+use mono_geometry::{Camera, Mount, Pinhole};
 use nalgebra::{Matrix3, Vector2, Vector3};
-
-use crate::filter::landmark::Lens;
 
 /// A calibrated camera and its pose on the robot.
 ///
@@ -18,12 +16,8 @@ pub struct Rig {
 
 impl Rig {
     /// The ideal pinhole behind the lens.
-    pub(crate) fn lens(&self) -> Lens {
-        let pinhole = self.camera.pinhole();
-        Lens {
-            focal: Vector2::new(pinhole.fx, pinhole.fy),
-            centre: Vector2::new(pinhole.cx, pinhole.cy),
-        }
+    pub(crate) fn pinhole(&self) -> &Pinhole {
+        self.camera.pinhole()
     }
 
     /// Rotation from camera to body axes.
@@ -43,7 +37,7 @@ impl Rig {
 
     /// Width and height of the image, pixels.
     pub(crate) fn image_size_px(&self) -> Vector2<f64> {
-        let pinhole = self.camera.pinhole();
+        let pinhole = self.pinhole();
         Vector2::new(pinhole.width as f64, pinhole.height as f64)
     }
 }

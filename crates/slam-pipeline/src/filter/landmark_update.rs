@@ -8,11 +8,12 @@
 //! next place to linearise. One iteration from (m, P) is the plain UKF.
 //! The printed gain of Eq. 16 multiplies a 3x3 by a 2x2 and is not used.
 
+use mono_geometry::inverse_depth::LandmarkGeometry;
+use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use ukf::{SigmaPoints, unscented_transform};
 
-use super::landmark::{Landmark, LandmarkGeometry, Lens};
-use super::pose::PlacedCamera;
+use super::landmark::Landmark;
 
 /// Gate on the normalised innovation squared: 2 degrees of freedom, 1e-4.
 const GATE: f64 = 18.4;
@@ -31,14 +32,14 @@ const PRIOR_WIDENING: f64 = 8.0;
 
 /// The Kalman filter of a landmark.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LandmarkUpdate {
+pub(crate) struct LandmarkUpdate<'a> {
     /// Ideal pinhole.
-    pub(crate) lens: Lens,
+    pub(crate) pinhole: &'a Pinhole,
     /// Sigma points over the three parameters.
     pub(crate) points: SigmaPoints<3>,
 }
 
-impl LandmarkUpdate {
+impl LandmarkUpdate<'_> {
     /// The landmark after the first measurement that can tell its depth.
     #[must_use]
     pub(crate) fn first(
@@ -76,8 +77,9 @@ impl LandmarkUpdate {
         let mut nis = 0.0;
         for _ in 0..iterations {
             let moments = unscented_transform(&about.0, &about.1, &self.points, |m| {
-                self.lens
-                    .project(camera, &geometry.ray(m))
+                geometry
+                    .ray(m)
+                    .project(self.pinhole, camera)
                     .unwrap_or(Vector2::from_element(f64::NAN))
             })
             .ok()?;
@@ -112,9 +114,7 @@ impl LandmarkUpdate {
         pixel: &Vector2<f64>,
     ) -> (Vector3<f64>, Matrix3<f64>) {
         let highest = landmark.mean.z + 4.0 * landmark.covariance[(2, 2)].sqrt();
-        let mean = self
-            .lens
-            .refocus(camera, geometry, &landmark.mean, pixel, highest);
+        let mean = geometry.refocus(self.pinhole, camera, &landmark.mean, pixel, highest);
         let spread = (START_SPREAD * mean.z).max(START_FLOOR * highest);
         let mut diagonal = landmark.covariance.diagonal();
         diagonal.z = diagonal.z.min(spread * spread);

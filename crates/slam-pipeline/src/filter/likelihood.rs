@@ -11,12 +11,13 @@
 
 use core::f64::consts::PI;
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use mono_geometry::{Pinhole, PlacedCamera};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::landmark::{Lens, projected_covariance};
+use super::landmark::projected_covariance;
 use super::linearised::across_epipolar;
 use super::observation::{Prepared, Scoring};
-use super::pose::{CameraPose, PlacedCamera};
+use super::pose::CameraPose;
 use crate::method::LikelihoodForm;
 use crate::rig::Rig;
 
@@ -38,7 +39,7 @@ pub(crate) struct Likelihood {
 /// The likelihood with the camera it is asked for.
 struct View<'a> {
     placed: PlacedCamera,
-    lens: Lens,
+    pinhole: &'a Pinhole,
     outlier_share: f64,
     image_area_px2: f64,
     matches: &'a [Option<Prepared>],
@@ -53,8 +54,8 @@ impl Likelihood {
     pub(crate) fn log(&self, rig: &Rig, pose: &CameraPose, matches: &[Option<Prepared>]) -> f64 {
         let size = rig.image_size_px();
         let view = View {
-            placed: PlacedCamera::new(rig, pose),
-            lens: rig.lens(),
+            placed: pose.place(rig),
+            pinhole: rig.pinhole(),
             outlier_share: self.outlier_share,
             image_area_px2: size.x * size.y,
             matches,
@@ -85,11 +86,11 @@ impl View<'_> {
         } else {
             self.outlier_share / self.image_area_px2
         };
-        let focus = m.focus(&self.lens, camera);
+        let focus = m.focus(self.pinhole, camera);
         let ray = m.geometry.ray(&focus);
         let (Some(predicted), Some(jacobian)) = (
-            self.lens.project(camera, &ray),
-            self.lens.parameter_jacobian(camera, &m.geometry, &focus),
+            ray.project(self.pinhole, camera),
+            m.geometry.parameter_jacobian(self.pinhole, camera, &focus),
         ) else {
             return wrong.ln();
         };
@@ -114,8 +115,8 @@ impl View<'_> {
         }
         let ray = m.geometry.ray(&m.mean);
         let (Some(predicted), Some(jacobian)) = (
-            self.lens.project(camera, &ray),
-            self.lens.parameter_jacobian(camera, &m.geometry, &m.mean),
+            ray.project(self.pinhole, camera),
+            m.geometry.parameter_jacobian(self.pinhole, camera, &m.mean),
         ) else {
             return -0.5 * PAPER_INNOVATION_CLIP;
         };
@@ -133,8 +134,8 @@ impl View<'_> {
         let ray = m.geometry.ray(&m.mean);
         let homogeneous = |n: Vector3<f64>| {
             Vector3::new(
-                self.lens.focal.x * n.x + self.lens.centre.x * n.z,
-                self.lens.focal.y * n.y + self.lens.centre.y * n.z,
+                self.pinhole.fx * n.x + self.pinhole.cx * n.z,
+                self.pinhole.fy * n.y + self.pinhole.cy * n.z,
                 n.z,
             )
         };
@@ -149,15 +150,18 @@ impl View<'_> {
         let baseline = ray.origin - camera.centre;
         let here = homogeneous(camera.camera_from_world * ray.base)
             .cross(&homogeneous(camera.camera_from_world * baseline));
-        let n = self.lens.normalise(&m.pixel);
+        let n = self.pinhole.normalize(&m.pixel);
         let seen = camera
             .camera_from_world
             .tr_mul(&Vector3::new(n.x, n.y, 1.0));
-        let to_anchor = m.geometry.anchor_rotation();
+        let to_anchor = m
+            .geometry
+            .anchor()
+            .map_or_else(Matrix3::identity, |anchor| anchor.camera_from_world);
         let there = homogeneous(to_anchor * seen).cross(&homogeneous(to_anchor * -baseline));
         let first = Vector2::new(
-            self.lens.focal.x * m.mean.x + self.lens.centre.x,
-            self.lens.focal.y * m.mean.y + self.lens.centre.y,
+            self.pinhole.fx * m.mean.x + self.pinhole.cx,
+            self.pinhole.fy * m.mean.y + self.pinhole.cy,
         );
         distance(here, &m.pixel) + distance(there, &first)
     }

@@ -11,12 +11,14 @@
 //! only; the importance weight makes up for it.
 
 use estimation_base::Manifold;
+use mono_geometry::inverse_depth::Ray;
+use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
-use super::landmark::{Lens, Ray, projected_covariance};
+use super::landmark::projected_covariance;
 use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
-use super::pose::{CameraPose, POSE_DIM, PlacedCamera, PoseMatrix, PoseStep};
+use super::pose::{CameraPose, POSE_DIM, PoseMatrix, PoseStep};
 use crate::rig::Rig;
 
 /// Huber threshold in standard deviations: 95 % efficient for one coordinate
@@ -167,7 +169,7 @@ impl Line {
 /// The cameras of the sigma points of a pose distribution.
 #[derive(Debug, Clone)]
 pub(crate) struct PoseLinearisation {
-    lens: Lens,
+    pinhole: Pinhole,
     mean: PlacedCamera,
     sigma: [PlacedCamera; 2 * POSE_DIM],
 }
@@ -179,12 +181,12 @@ impl PoseLinearisation {
         let centre = posterior.mean_pose(prior);
         let spread = prior.factor * posterior.factor * SPREAD_SQUARED.sqrt();
         Self {
-            lens: rig.lens(),
-            mean: PlacedCamera::new(rig, &centre),
+            pinhole: *rig.pinhole(),
+            mean: centre.place(rig),
             sigma: core::array::from_fn(|j| {
                 let column = spread.column(j % POSE_DIM).into_owned();
                 let step = if j < POSE_DIM { column } else { -column };
-                PlacedCamera::new(rig, &centre.retract(&step))
+                centre.retract(&step).place(rig)
             }),
         }
     }
@@ -192,17 +194,17 @@ impl PoseLinearisation {
     /// Linearises one match; `None` when a sigma point cannot see the landmark.
     #[must_use]
     pub(crate) fn linearise(&self, prepared: &Prepared) -> Option<Line> {
-        let (lens, mean_camera, cameras) = (&self.lens, &self.mean, &self.sigma);
-        let focus = prepared.focus(lens, mean_camera);
+        let (pinhole, mean_camera, cameras) = (&self.pinhole, &self.mean, &self.sigma);
+        let focus = prepared.focus(pinhole, mean_camera);
         let ray: Ray = prepared.geometry.ray(&focus);
         let mut slope = SMatrix::<f64, 2, POSE_DIM>::zeros();
         let mut mean = Vector2::zeros();
         let mut outer = Matrix2::zeros();
-        let base = lens.project(mean_camera, &ray)?;
+        let base = ray.project(pinhole, mean_camera)?;
         let half = 0.5 / SPREAD_SQUARED.sqrt();
         for j in 0..POSE_DIM {
-            let plus = lens.project(&cameras[j], &ray)? - base;
-            let minus = lens.project(&cameras[j + POSE_DIM], &ray)? - base;
+            let plus = ray.project(pinhole, &cameras[j])? - base;
+            let minus = ray.project(pinhole, &cameras[j + POSE_DIM])? - base;
             mean += plus + minus;
             outer += plus * plus.transpose() + minus * minus.transpose();
             slope.set_column(j, &((plus - minus) * half));
@@ -217,7 +219,9 @@ impl PoseLinearisation {
         if error[(0, 0)] < 0.0 || error[(1, 1)] < 0.0 || error.determinant() < 0.0 {
             error = Matrix2::zeros();
         }
-        let jacobian = lens.parameter_jacobian(mean_camera, &prepared.geometry, &focus)?;
+        let jacobian = prepared
+            .geometry
+            .parameter_jacobian(pinhole, mean_camera, &focus)?;
         let noise = error
             + projected_covariance(&jacobian, &prepared.covariance)
             + Matrix2::identity() * prepared.variance_px2;

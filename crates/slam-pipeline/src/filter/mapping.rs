@@ -8,16 +8,15 @@
 use core::convert::Infallible;
 
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
-use mono_geometry::{Pinhole, Se3};
+use mono_geometry::{Pinhole, PlacedCamera, Se3};
 use nalgebra::{Rotation3, Vector2};
 use rbpf_core::MapUpdate;
 use ukf::SigmaPoints;
 
-use super::landmark::{Landmark, Lens, Parametrisation};
+use super::landmark::{Landmark, Parametrisation};
 use super::landmark_update::LandmarkUpdate;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
-use super::pose::PlacedCamera;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 
@@ -46,10 +45,10 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
                 .condition_on_pose(&drawn.prior, &particle.pose);
         }
         let update = LandmarkUpdate {
-            lens: self.rig.lens(),
+            pinhole: self.rig.pinhole(),
             points: self.points,
         };
-        let camera = PlacedCamera::new(self.rig, &particle.pose);
+        let camera = particle.pose.place(self.rig);
         particle.path.push(Keyframe {
             camera,
             body: particle.metric.body(particle.pose.phi),
@@ -78,7 +77,7 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
             };
         }
         for new in &observation.initialised {
-            if let Some(landmark) = two_view(&update.lens, particle, new) {
+            if let Some(landmark) = two_view(self.rig.pinhole(), particle, new) {
                 particle.map.insert(new.id, landmark);
             }
         }
@@ -93,7 +92,11 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
 /// own poses); `None` with no acceptable solution. The particle's path must
 /// already end in the present keyframe.
 #[must_use]
-pub(crate) fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -> Option<Landmark> {
+pub(crate) fn two_view(
+    pinhole: &Pinhole,
+    particle: &Particle,
+    new: &Initialisation,
+) -> Option<Landmark> {
     let first = particle.path.get(new.first.keyframe as usize)?.camera;
     let second = particle.path.last()?.camera;
     let view = |camera: &PlacedCamera, pixel: Vector2<f64>| Observation {
@@ -104,16 +107,8 @@ pub(crate) fn two_view(lens: &Lens, particle: &Particle, new: &Initialisation) -
         pixel_ideal: pixel,
         sigma_px: new.sigma_px,
     };
-    let pinhole = Pinhole {
-        width: 0,
-        height: 0,
-        fx: lens.focal.x,
-        fy: lens.focal.y,
-        cx: lens.centre.x,
-        cy: lens.centre.y,
-    };
     let solution = triangulate(
-        &pinhole,
+        pinhole,
         &[view(&first, new.first.pixel), view(&second, new.second)],
         // The parallax was judged once for all particles, in the reference.
         &Acceptance {

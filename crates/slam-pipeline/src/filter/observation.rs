@@ -1,10 +1,11 @@
 //! The measurements of one frame, the same for every particle.
 
+use mono_geometry::inverse_depth::LandmarkGeometry;
+use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::landmark::{Landmark, LandmarkGeometry, Lens};
+use super::landmark::Landmark;
 use super::particle::Particle;
-use super::pose::PlacedCamera;
 use crate::odometry::Control;
 
 /// How a match enters the pose: decided once for all particles, so that their
@@ -92,10 +93,11 @@ impl Prepared {
     /// Parameters at which to linearise: those of the mean, or of the depth the
     /// pixel shows when the depth is open.
     #[must_use]
-    pub(crate) fn focus(&self, lens: &Lens, camera: &PlacedCamera) -> Vector3<f64> {
+    pub(crate) fn focus(&self, pinhole: &Pinhole, camera: &PlacedCamera) -> Vector3<f64> {
         if self.scoring == Scoring::AcrossEpipolar {
             let highest = self.mean.z + 4.0 * self.covariance[(2, 2)].sqrt();
-            lens.refocus(camera, &self.geometry, &self.mean, &self.pixel, highest)
+            self.geometry
+                .refocus(pinhole, camera, &self.mean, &self.pixel, highest)
         } else {
             self.mean
         }
@@ -105,7 +107,7 @@ impl Prepared {
     #[must_use]
     pub(crate) fn open_sigma(&self, threshold: f64) -> Option<f64> {
         let sigma = self.covariance[(2, 2)].sqrt();
-        (self.geometry.is_inverse_depth() && sigma > threshold * self.mean.z.abs()).then_some(sigma)
+        (self.geometry.anchor().is_some() && sigma > threshold * self.mean.z.abs()).then_some(sigma)
     }
 }
 

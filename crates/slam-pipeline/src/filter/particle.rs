@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use mono_geometry::Se2;
+use mono_geometry::inverse_depth::LandmarkGeometry;
+use mono_geometry::{PlacedCamera, Se2};
 use nalgebra::Vector3;
 use rbpf_core::{CowMap, PersistentPath};
 
-use super::landmark::{Landmark, LandmarkGeometry, PointEstimate};
+use super::landmark::{Landmark, PointEstimate};
 use super::metric::MetricState;
 use super::motion::{Departure, MotionPrior};
-use super::pose::{CameraPose, PlacedCamera, PoseMatrix};
+use super::pose::{CameraPose, PoseMatrix};
 
 /// A keyframe of a particle's path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,11 +77,11 @@ impl Particle {
     #[must_use]
     pub(crate) fn geometry(&self, landmark: &Landmark) -> Option<LandmarkGeometry> {
         match landmark.anchor() {
-            None => Some(LandmarkGeometry::new(None)),
+            None => Some(LandmarkGeometry::Point),
             Some(a) => self
                 .path
                 .get(a as usize)
-                .map(|k| LandmarkGeometry::new(Some(&k.camera))),
+                .map(|k| LandmarkGeometry::InverseDepth { anchor: k.camera }),
         }
     }
 
@@ -94,14 +95,11 @@ impl Particle {
         landmark: &Landmark,
         position_in_body: &Vector3<f64>,
     ) -> Option<PointEstimate> {
-        let anchor = match landmark.anchor() {
-            Some(a) => Some(self.path.get(a as usize)?),
-            None => None,
-        };
-        let point = landmark.to_point(anchor.map(|k| &k.camera))?;
-        let Some(keyframe) = anchor else {
+        let point = landmark.to_point(&self.geometry(landmark)?)?;
+        let Some(anchor) = landmark.anchor() else {
             return Some(point);
         };
+        let keyframe = self.path.get(anchor as usize)?;
         let mount = position_in_body;
         let (sin, cos) = keyframe.body.phi.sin_cos();
         let camera_metric = Vector3::new(

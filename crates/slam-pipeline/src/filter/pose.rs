@@ -8,8 +8,8 @@
 //! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
 
 use estimation_base::{Manifold, wrap};
-use mono_geometry::Se2;
 use mono_geometry::mount::world_from_tilted_body;
+use mono_geometry::{PlacedCamera, Se2};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::rig::Rig;
@@ -40,6 +40,15 @@ pub(crate) struct CameraPose {
 }
 
 impl CameraPose {
+    /// The camera of `rig` at this pose, ready to project.
+    #[must_use]
+    pub(crate) fn place(&self, rig: &Rig) -> PlacedCamera {
+        PlacedCamera {
+            centre: self.centre,
+            camera_from_world: (self.world_from_body() * rig.body_from_camera()).transpose(),
+        }
+    }
+
     /// Rotation from body to world axes.
     #[must_use]
     pub(crate) fn world_from_body(&self) -> Matrix3<f64> {
@@ -71,26 +80,6 @@ impl Manifold<POSE_DIM> for CameraPose {
             other.roll - self.roll,
             other.pitch - self.pitch,
         ])
-    }
-}
-
-/// A camera placed in the world, ready to project: the cached form of a pose.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PlacedCamera {
-    /// Camera centre in world axes.
-    pub(crate) centre: Vector3<f64>,
-    /// Rotation from world to camera axes.
-    pub(crate) camera_from_world: Matrix3<f64>,
-}
-
-impl PlacedCamera {
-    /// Places the camera of `rig` at `pose`.
-    #[must_use]
-    pub(crate) fn new(rig: &Rig, pose: &CameraPose) -> Self {
-        Self {
-            centre: pose.centre,
-            camera_from_world: (pose.world_from_body() * rig.body_from_camera()).transpose(),
-        }
     }
 }
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use mono_geometry::PlacedCamera;
 use nalgebra::Vector2;
 
 use super::gate::Gate;
 use super::prediction::Predicted;
 use crate::filter::linearised::PosePosterior;
 use crate::filter::observation::MatchedFeature;
-use crate::filter::pose::PlacedCamera;
 use crate::method::DescriptorSearch;
 
 /// Settings of the association.

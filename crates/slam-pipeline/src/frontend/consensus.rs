@@ -12,7 +12,6 @@ use crate::filter::likelihood::mahalanobis_2d;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
-use crate::filter::pose::PlacedCamera;
 use crate::rig::Rig;
 
 /// Judges the pairs of landmark id and keypoint by a robust pose posterior of all of them.
@@ -81,7 +80,7 @@ pub(crate) fn consensus(
         inliers,
         outliers,
         in_view,
-        camera: PlacedCamera::new(rig, &posterior.mean_pose(prior)),
+        camera: posterior.mean_pose(prior).place(rig),
         posterior,
     }
 }
@@ -97,10 +96,10 @@ fn scoring(
     let Some(sigma_rho) = prepared.open_sigma(params.open_depth) else {
         return Scoring::Full;
     };
-    let camera = PlacedCamera::new(rig, &prior.mean);
-    match rig
-        .lens()
-        .parameter_jacobian(&camera, &prepared.geometry, &prepared.mean)
+    let camera = prior.mean.place(rig);
+    match prepared
+        .geometry
+        .parameter_jacobian(rig.pinhole(), &camera, &prepared.mean)
     {
         Some(j) if j.column(2).norm() * sigma_rho > params.sigma_px => Scoring::AcrossEpipolar,
         _ => Scoring::Full,

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::catalogue::{Catalogue, Stage};
-use crate::filter::landmark::{Landmark, Lens};
+use crate::filter::landmark::Landmark;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::filter::particle::Particle;
-use crate::filter::pose::PlacedCamera;
 use crate::rig::Rig;
 
 /// A landmark predicted in view.
@@ -42,8 +42,13 @@ impl Predicted {
     /// Angle between the rays of the first sighting and of `pixel`, radians, as
     /// far as the pose explains it: the rotation is taken out.
     #[must_use]
-    pub(crate) fn parallax(&self, pixel: &Vector2<f64>, lens: &Lens, camera: &PlacedCamera) -> f64 {
-        let n = lens.normalise(pixel);
+    pub(crate) fn parallax(
+        &self,
+        pixel: &Vector2<f64>,
+        pinhole: &Pinhole,
+        camera: &PlacedCamera,
+    ) -> f64 {
+        let n = pinhole.normalize(pixel);
         let seen = camera
             .camera_from_world
             .tr_mul(&Vector3::new(n.x, n.y, 1.0));

@@ -35,7 +35,13 @@ fn sighting(keyframe: u32) -> Sighting {
 }
 
 fn prototype() -> Landmark {
-    Landmark::from_first_sighting(&lens(), 0, &Vector2::new(10.0, 20.0), SIGMA_PX, OPEN_DEPTH)
+    Landmark::from_first_sighting(
+        &pinhole(),
+        0,
+        &Vector2::new(10.0, 20.0),
+        SIGMA_PX,
+        OPEN_DEPTH,
+    )
 }
 
 /// A catalogue with one tentative feature of each descriptor, all seen at keyframe `keyframe`.

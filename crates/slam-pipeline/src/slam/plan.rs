@@ -323,7 +323,7 @@ impl Slam {
                 (entry.stage == catalogue::Stage::Tentative
                     && predicted.parallax(
                         &pair.feature.pixel,
-                        &self.rig.lens(),
+                        self.rig.pinhole(),
                         &association.camera,
                     ) >= min_parallax)
                     .then_some(Initialisation {
@@ -377,7 +377,7 @@ impl Slam {
             new.push(NewFeature {
                 descriptor: seen.frame.features.descriptors[k],
                 prototype: Landmark::from_first_sighting(
-                    &self.rig.lens(),
+                    self.rig.pinhole(),
                     self.state.keyframe,
                     &pixel,
                     self.association.sigma_px,

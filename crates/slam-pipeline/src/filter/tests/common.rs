@@ -1,16 +1,16 @@
 //! What the tests of the filter share: the paper's camera, random poses, oracles.
 
-use crate::filter::landmark::{
-    InverseDepthPrior, Landmark, LandmarkGeometry, Lens, Parametrisation,
-};
+use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
 use crate::filter::metric::MetricState;
 use crate::filter::motion::CarrierModel;
 use crate::filter::observation::{Prepared, Scoring};
 use crate::filter::particle::Particle;
-use crate::filter::pose::{CameraPose, PlacedCamera, PoseStep};
+use crate::filter::pose::{CameraPose, PoseStep};
 use crate::odometry::Control;
 use crate::rig::Rig;
 use estimation_base::Manifold;
+use mono_geometry::PlacedCamera;
+use mono_geometry::inverse_depth::LandmarkGeometry;
 use mono_geometry::{Camera, Distortion, Mount, Pinhole, Se2};
 use nalgebra::{Matrix2x6, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -18,27 +18,20 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 /// The paper's camera (Table I).
+pub(crate) static PINHOLE: Pinhole = Pinhole {
+    width: 320,
+    height: 240,
+    fx: 368.826_20,
+    fy: 369.902_39,
+    cx: 159.670_29,
+    cy: 121.541_36,
+};
 pub(crate) fn pinhole() -> Pinhole {
-    Pinhole {
-        width: 320,
-        height: 240,
-        fx: 368.826_20,
-        fy: 369.902_39,
-        cx: 159.670_29,
-        cy: 121.541_36,
-    }
+    PINHOLE
 }
 
 pub(crate) fn camera() -> Camera {
     Camera::new(pinhole(), Distortion::None).unwrap()
-}
-
-pub(crate) fn lens() -> Lens {
-    let p = pinhole();
-    Lens {
-        focal: Vector2::new(p.fx, p.fy),
-        centre: Vector2::new(p.cx, p.cy),
-    }
 }
 
 /// The prior of inverse depth of a landmark seen once: from 0.4 m to infinity.
@@ -114,7 +107,7 @@ pub(crate) fn near(rng: &mut ChaCha8Rng, from: &CameraPose) -> CameraPose {
 }
 
 pub(crate) fn place(pose: &CameraPose) -> PlacedCamera {
-    PlacedCamera::new(&rig(), pose)
+    pose.place(&rig())
 }
 
 pub(crate) fn inverse_depth(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Landmark {
@@ -151,7 +144,7 @@ pub(crate) fn project(
     geometry: &LandmarkGeometry,
     m: &Vector3<f64>,
 ) -> Vector2<f64> {
-    lens().project(camera, &geometry.ray(m)).unwrap()
+    geometry.ray(m).project(&pinhole(), camera).unwrap()
 }
 
 /// d pixel / d pose tangent by central differences.

@@ -1,9 +1,10 @@
 //! The landmark filter: closed form where it is linear, a brute-force maximum
 //! a posteriori where it is not, no shrinking, consistency.
 
-use crate::filter::landmark::{InverseDepthPrior, Landmark, LandmarkGeometry};
+use crate::filter::landmark::{InverseDepthPrior, Landmark};
 use crate::filter::landmark_update::LandmarkUpdate;
-use crate::filter::pose::PlacedCamera;
+use mono_geometry::PlacedCamera;
+use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
 
@@ -14,9 +15,9 @@ const VARIANCE: f64 = SIGMA_PX * SIGMA_PX;
 /// Prior of inverse depth: two sigmas above zero, nearest 0.4 m.
 const RHO: InverseDepthPrior = OPEN_DEPTH;
 
-fn filter() -> LandmarkUpdate {
+fn filter() -> LandmarkUpdate<'static> {
     LandmarkUpdate {
-        lens: lens(),
+        pinhole: &PINHOLE,
         points: SigmaPoints::default(),
     }
 }
@@ -28,7 +29,7 @@ fn sideways_motion_is_linear_and_equals_kalman() {
     for sigma_rho in [0.02, 0.5] {
         let anchor = place(&pose(0.0, 0.0, 0.0));
         let camera = place(&pose(0.25, 0.0, 0.0));
-        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let geometry = LandmarkGeometry::InverseDepth { anchor };
         let k = pinhole();
         let factor = Matrix3::new(
             2e-3,
@@ -69,7 +70,7 @@ fn sideways_motion_is_linear_and_equals_kalman() {
 fn far_innovation_is_gated() {
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let camera = place(&pose(0.25, 0.0, 0.0));
-    let geometry = LandmarkGeometry::new(Some(&anchor));
+    let geometry = LandmarkGeometry::InverseDepth { anchor };
     let prior = inverse_depth(
         Vector3::new(0.0, 0.0, 0.5),
         Matrix3::from_diagonal_element(1e-8),
@@ -100,14 +101,14 @@ fn map_by_search(
         let mut m = Vector3::new(prior.mean.x, prior.mean.y, rho);
         let mut cost = f64::INFINITY;
         for _ in 0..4 {
-            let Some(at) = lens().project(camera, &geometry.ray(&m)) else {
+            let Some(at) = geometry.ray(&m).project(&pinhole(), camera) else {
                 cost = f64::INFINITY;
                 break;
             };
             let residual = (pixel - at) / SIGMA_PX;
             let from_prior = (m - prior.mean).component_div(&sigma);
             cost = residual.norm_squared() + from_prior.norm_squared();
-            let j = lens().parameter_jacobian(camera, geometry, &m).unwrap();
+            let j = geometry.parameter_jacobian(&pinhole(), camera, &m).unwrap();
             let j = j.fixed_columns::<2>(0) / SIGMA_PX;
             let weight = Matrix2::from_diagonal(&sigma.xy().map(|s| s.powi(-2)));
             let gradient = j.tr_mul(&residual) - weight * (m - prior.mean).xy();
@@ -137,12 +138,15 @@ fn open_depth_finds_the_maximum_a_posteriori() {
         );
         to.centre.z = uniform(&mut rng, -0.02, 0.02);
         let camera = place(&to);
-        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let geometry = LandmarkGeometry::InverseDepth { anchor };
         let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
         let depth = uniform(&mut rng, 0.7, 6.0);
-        let first = lens().centre + lens().focal.component_mul(&Vector2::new(a, b));
+        let first = Vector2::new(
+            pinhole().cx + pinhole().fx * a,
+            pinhole().cy + pinhole().fy * b,
+        );
         let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
-        let prior = Landmark::from_first_sighting(&lens(), 0, &first, SIGMA_PX, RHO);
+        let prior = Landmark::from_first_sighting(&pinhole(), 0, &first, SIGMA_PX, RHO);
         let pixel = pixel_of(&camera, &ahead(&anchor, a, b, depth)) + noise;
         let Some(updated) = filter().update(&camera, &geometry, &prior, &pixel, VARIANCE) else {
             continue;
@@ -168,7 +172,7 @@ fn far_points(widened: bool) -> (f64, f64) {
     let truth = 1.0 / 8.0;
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let camera = place(&pose(0.1, 0.0, 0.0));
-    let geometry = LandmarkGeometry::new(Some(&anchor));
+    let geometry = LandmarkGeometry::InverseDepth { anchor };
     let (mut sum, mut squares) = (0.0, 0.0);
     for seed in 0..SEEDS {
         let mut rng = rng(seed);
@@ -178,7 +182,7 @@ fn far_points(widened: bool) -> (f64, f64) {
             let mut seen = |c: &PlacedCamera| {
                 pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
             };
-            let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
+            let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
             let pixel = seen(&camera);
             let updated = if widened {
                 filter().first(&camera, &geometry, &prior, &pixel, VARIANCE)
@@ -220,11 +224,11 @@ fn covariance_stays_positive_definite() {
     while updates < 1000 {
         let from = random_pose(&mut rng);
         let anchor = place(&from);
-        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let geometry = LandmarkGeometry::InverseDepth { anchor };
         let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
         let p = ahead(&anchor, a, b, uniform(&mut rng, 0.8, 50.0));
         let mut landmark =
-            Landmark::from_first_sighting(&lens(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
+            Landmark::from_first_sighting(&pinhole(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
         for _ in 0..20 {
             let camera = place(&near(&mut rng, &from));
             let pixel =
@@ -252,7 +256,7 @@ fn errors_are_as_large_as_the_covariance_says() {
     for _ in 0..400 {
         let from = pose(0.0, 0.0, 0.0);
         let anchor = place(&from);
-        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let geometry = LandmarkGeometry::InverseDepth { anchor };
         let truth = Vector3::new(
             uniform(&mut rng, -0.3, 0.3),
             uniform(&mut rng, -0.3, 0.3),
@@ -262,7 +266,7 @@ fn errors_are_as_large_as_the_covariance_says() {
         let mut seen = |c: &PlacedCamera| {
             pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
         };
-        let prior = Landmark::from_first_sighting(&lens(), 0, &seen(&anchor), SIGMA_PX, RHO);
+        let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
         let at = |i: f64| place(&pose(0.1 * i, 0.01 * i, 0.02 * i));
         let Some(mut landmark) =
             filter().first(&at(1.0), &geometry, &prior, &seen(&at(1.0)), VARIANCE)

@@ -1,10 +1,12 @@
 //! The observation likelihood: a density over the image, and the printed form.
 
-use crate::filter::landmark::{Landmark, LandmarkGeometry};
+use crate::filter::landmark::Landmark;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::observation::Scoring;
-use crate::filter::pose::{CameraPose, PlacedCamera};
+use crate::filter::pose::CameraPose;
 use crate::method::LikelihoodForm;
+use mono_geometry::PlacedCamera;
+use mono_geometry::inverse_depth::LandmarkGeometry;
 use mono_geometry::{EpipolarPair, Se3};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
@@ -42,7 +44,7 @@ fn seen() -> (
         ahead(&place(&at), 0.1, -0.05, 3.0),
         factor * factor.transpose(),
     );
-    let geometry = LandmarkGeometry::new(None);
+    let geometry = LandmarkGeometry::Point;
     let camera = place(&at);
     let mut jacobian = nalgebra::Matrix2x3::zeros();
     for j in 0..3 {
@@ -221,10 +223,10 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
         let from = random_pose(&mut rng);
         let anchor = place(&from);
         let at = near(&mut rng, &from);
-        let geometry = LandmarkGeometry::new(Some(&anchor));
+        let geometry = LandmarkGeometry::InverseDepth { anchor };
         let first = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
         let second = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
-        let landmark = Landmark::from_first_sighting(&lens(), 0, &first, 0.5, OPEN_DEPTH);
+        let landmark = Landmark::from_first_sighting(&pinhole(), 0, &first, 0.5, OPEN_DEPTH);
         let m = prepared(
             geometry,
             &landmark,
@@ -244,8 +246,8 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
     // Without a baseline there is no line and no score.
     let at = pose(0.0, 0.0, 0.2);
     let landmark =
-        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(9.0, 9.0), 0.5, OPEN_DEPTH);
-    let geometry = LandmarkGeometry::new(Some(&place(&at)));
+        Landmark::from_first_sighting(&pinhole(), 0, &Vector2::new(9.0, 9.0), 0.5, OPEN_DEPTH);
+    let geometry = LandmarkGeometry::InverseDepth { anchor: place(&at) };
     let m = prepared(
         geometry,
         &landmark,
@@ -259,10 +261,12 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
 #[test]
 fn open_depth_is_scored_across_its_line() {
     let anchor_pose = pose(0.0, 0.0, 0.0);
-    let geometry = LandmarkGeometry::new(Some(&place(&anchor_pose)));
+    let geometry = LandmarkGeometry::InverseDepth {
+        anchor: place(&anchor_pose),
+    };
     let at = pose(0.2, 0.0, 0.0);
     let landmark =
-        Landmark::from_first_sighting(&lens(), 0, &Vector2::new(180.0, 120.0), 0.5, OPEN_DEPTH);
+        Landmark::from_first_sighting(&pinhole(), 0, &Vector2::new(180.0, 120.0), 0.5, OPEN_DEPTH);
     let score = |dx: f64, dy: f64| {
         let on_line = project(
             &place(&at),

@@ -73,7 +73,7 @@ fn two_views_meet_in_the_point() {
         second: view(&p, 1, &at),
         sigma_px: SIGMA_PX,
     };
-    let landmark = two_view(&lens(), &p, &new).unwrap();
+    let landmark = two_view(&pinhole(), &p, &new).unwrap();
     assert_eq!(landmark.parametrisation, Parametrisation::Point);
     assert!((landmark.mean - at).norm() < 1e-9, "{}", landmark.mean);
     // Rays that part do not meet in front.
@@ -81,11 +81,11 @@ fn two_views_meet_in_the_point() {
         second: new.second + Vector2::new(200.0, 0.0),
         ..new
     };
-    assert!(two_view(&lens(), &p, &apart).is_none());
+    assert!(two_view(&pinhole(), &p, &apart).is_none());
     // An anchor that is not in the path.
     assert!(
         two_view(
-            &lens(),
+            &pinhole(),
             &p,
             &Initialisation {
                 first: Sighting {
@@ -122,7 +122,7 @@ fn two_view_errors_are_as_large_as_their_covariance() {
             second: noisy(view(&p, 1, &at)),
             sigma_px: SIGMA_PX,
         };
-        if let Some(l) = two_view(&lens(), &p, &new) {
+        if let Some(l) = two_view(&pinhole(), &p, &new) {
             values.push(normalized_error_squared(&(l.mean - at), &l.covariance).unwrap());
         }
     }
@@ -168,7 +168,7 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     let p = two_keyframes();
     let at = ahead(&p.path.get(0).unwrap().camera, 0.1, 0.1, 2.0);
     let prototype =
-        Landmark::from_first_sighting(&lens(), 0, &view(&p, 0, &at), SIGMA_PX, OPEN_DEPTH);
+        Landmark::from_first_sighting(&pinhole(), 0, &view(&p, 0, &at), SIGMA_PX, OPEN_DEPTH);
     let observation = FrameObservation {
         matches: vec![MatchedFeature {
             id: 5,
@@ -193,9 +193,7 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     // In metres: the scale stretches the world about the anchor.
     started.metric.mean[MetricState::SCALE] = 1.1;
     let metric = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
-    let unit = landmark
-        .to_point(Some(&p.path.get(0).unwrap().camera))
-        .unwrap();
+    let unit = landmark.to_point(&p.geometry(&landmark).unwrap()).unwrap();
     assert!((metric.position - unit.position * 1.1).norm() < 1e-12);
     assert!((metric.covariance - unit.covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.

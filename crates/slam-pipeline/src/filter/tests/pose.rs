@@ -2,7 +2,7 @@
 //! prior of a millimetre and a milliradian, points metres away.
 
 use crate::filter::evolution::PoseEvolution;
-use crate::filter::landmark::{LandmarkGeometry, projected_covariance};
+use crate::filter::landmark::projected_covariance;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::linearised::pose_posterior;
 use crate::filter::motion::{CarrierModel, MotionPrior};
@@ -15,6 +15,7 @@ use crate::odometry::Control;
 use crate::rig::Rig;
 use estimation_base::Manifold;
 use mono_geometry::Se2;
+use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::{Proposal, Rejuvenation, Streams};
 
@@ -124,8 +125,9 @@ fn linearised(
     for (i, m) in matches.iter().flatten().enumerate() {
         h.view_mut((2 * i, 0), (2, 6))
             .copy_from(&pose_jacobian(&prior.mean, &m.geometry, &m.mean));
-        let j = lens()
-            .parameter_jacobian(&camera, &m.geometry, &m.mean)
+        let j = m
+            .geometry
+            .parameter_jacobian(&pinhole(), &camera, &m.mean)
             .unwrap();
         let noise = projected_covariance(&j, &m.covariance)
             + nalgebra::Matrix2::identity() * m.variance_px2;
@@ -280,7 +282,7 @@ fn open_depth_tells_nothing_along_the_baseline() {
         .fixed_rows_mut::<3>(0)
         .copy_from(&baseline.normalize());
     let whitened = prior.factor.solve_lower_triangular(&direction).unwrap();
-    let geometry = LandmarkGeometry::new(Some(&anchor));
+    let geometry = LandmarkGeometry::InverseDepth { anchor };
     let told = |scoring: Scoring, rng: &mut rand_chacha::ChaCha8Rng| {
         let matches: Vec<Option<Prepared>> = (0..30)
             .map(|_| {
