@@ -3,9 +3,7 @@
 //! Every step runs even when an earlier one failed, each with its time; the
 //! error names the steps that failed.
 
-#![expect(clippy::print_stdout, reason = "progress of the gate on a terminal")]
-
-use crate::tidy;
+use crate::{programs, tidy};
 use anyhow::ensure;
 use std::path::Path;
 use std::time::Instant;
@@ -15,10 +13,10 @@ use xshell::{Shell, cmd};
 ///
 /// # Errors
 /// The names of the steps that failed.
-pub fn run(root: &Path) -> anyhow::Result<()> {
+pub(crate) fn run(root: &Path) -> anyhow::Result<()> {
     let shell = Shell::new()?;
     shell.change_dir(root);
-    let cargo = std::env::var("CARGO").unwrap_or_else(|_| String::from("cargo"));
+    let cargo = programs::cargo();
     let steps: [(&str, &dyn Fn() -> anyhow::Result<()>); 5] = [
         ("fmt", &|| {
             Ok(cmd!(shell, "{cargo} fmt --all -- --check").run()?)

@@ -1,4 +1,4 @@
-//! `cargo xtask`: exit code 0 done, 2 wrong arguments, 1 anything else.
+//! `cargo xtask`: exit code 0 done, 2 wrong arguments, 1 anything else, or the code of the program it started.
 
 #![expect(
     clippy::print_stdout,
@@ -6,12 +6,18 @@
     reason = "a terminal program"
 )]
 
+mod arguments;
+mod ci;
+mod fixtures;
+mod programs;
+mod tidy;
+
+use arguments::Command;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use xtask::flags::{self, Command};
-use xtask::{board, ci, fixtures, scene::Scene, synth_eval, tidy, workspace_root};
 
 fn main() -> ExitCode {
-    let command = match flags::parse(std::env::args_os().skip(1)) {
+    let command = match arguments::parse(std::env::args_os().skip(1)) {
         Ok(command) => command,
         Err(error) => {
             eprintln!("xtask: {error} (cargo xtask --help)");
@@ -19,7 +25,7 @@ fn main() -> ExitCode {
         }
     };
     match run(command) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("xtask: {error:#}");
             ExitCode::FAILURE
@@ -27,25 +33,24 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> anyhow::Result<()> {
+fn run(command: Command) -> anyhow::Result<ExitCode> {
+    let root = workspace_root();
     match command {
-        Command::Help => print!("{}", flags::HELP),
-        Command::Scene { out, spec } => {
-            Scene::new(spec)?.write(&out)?;
-            println!("{}", out.display());
+        Command::Help => print!("{}", arguments::HELP),
+        Command::Program { package, arguments } => {
+            return programs::hand_on(package, &arguments);
         }
-        Command::Board { out, spec } => {
-            board::write_set(&spec, &out)?;
-            println!("{}", out.display());
-        }
-        Command::Fixtures { check: true } => fixtures::check(&workspace_root())?,
-        Command::Fixtures { check: false } => fixtures::write(&workspace_root())?,
-        Command::SynthEval(options) => {
-            let table = synth_eval::run(&options, &|line| eprintln!("{line}"))?;
-            print!("{table}");
-        }
-        Command::Tidy => tidy::run(&workspace_root())?,
-        Command::Ci => ci::run(&workspace_root())?,
+        Command::Fixtures { check: true } => fixtures::check(&root)?,
+        Command::Fixtures { check: false } => fixtures::write(&root)?,
+        Command::Tidy { stats: true } => print!("{}", tidy::table(&root)?),
+        Command::Tidy { stats: false } => tidy::run(&root)?,
+        Command::Ci => ci::run(&root)?,
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Folder of the workspace this program was built from.
+fn workspace_root() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().unwrap_or(here).to_path_buf()
 }

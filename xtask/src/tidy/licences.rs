@@ -1,10 +1,11 @@
 //! Licences of the whole dependency tree against a list.
 //!
-//! A package's SPDX expression passes when some choice of its `OR` branches uses listed
-//! licences only; the old `/` means `OR`. Exceptions name the crate, and why.
+//! A package passes when its SPDX expression can be satisfied with listed licences only; the old `/` between licences
+//! means `OR`. Exceptions name the package and the reason.
 
 use super::{packages, text};
 use serde_json::Value;
+use spdx::{Expression, LicenseItem, ParseMode};
 
 /// Licences that may be combined with MIT or Apache-2.0.
 const ALLOWED: [&str; 10] = [
@@ -23,7 +24,7 @@ const ALLOWED: [&str; 10] = [
 const EXCEPTIONS: [(&str, &str); 0] = [];
 
 /// Packages whose licence is not on the list.
-pub fn violations(metadata: &Value) -> Vec<String> {
+pub(crate) fn violations(metadata: &Value) -> Vec<String> {
     let mut found = Vec::new();
     for package in packages(metadata) {
         let (name, licence) = (text(package, "name"), text(package, "license"));
@@ -35,50 +36,18 @@ pub fn violations(metadata: &Value) -> Vec<String> {
     found
 }
 
-/// Whether an SPDX expression can be satisfied with listed licences.
+/// Whether an SPDX expression can be satisfied with listed licences; an exception to a licence only adds permissions.
 fn passes(expression: &str) -> bool {
-    let spaced = expression
-        .replace('(', " ( ")
-        .replace(')', " ) ")
-        .replace('/', " OR ");
-    let words: Vec<&str> = spaced.split_whitespace().collect();
-    let mut at = 0;
-    either(&words, &mut at) == Some(true) && at == words.len()
-}
-
-/// Branches joined by `OR`; `None` when the expression is malformed.
-fn either(words: &[&str], at: &mut usize) -> Option<bool> {
-    let mut value = both(words, at)?;
-    while words.get(*at) == Some(&"OR") {
-        *at += 1;
-        value |= both(words, at)?;
-    }
-    Some(value)
-}
-
-fn both(words: &[&str], at: &mut usize) -> Option<bool> {
-    let mut value = single(words, at)?;
-    while words.get(*at) == Some(&"AND") {
-        *at += 1;
-        value &= single(words, at)?;
-    }
-    Some(value)
-}
-
-fn single(words: &[&str], at: &mut usize) -> Option<bool> {
-    let word = *words.get(*at)?;
-    *at += 1;
-    if word == "(" {
-        let value = either(words, at)?;
-        let closed = words.get(*at) == Some(&")");
-        *at += 1;
-        return closed.then_some(value);
-    }
-    if words.get(*at) == Some(&"WITH") {
-        // An exception to a licence only adds permissions.
-        *at += 2;
-    }
-    Some(ALLOWED.contains(&word))
+    let mode = ParseMode {
+        allow_slash_as_or_operator: true,
+        ..ParseMode::STRICT
+    };
+    Expression::parse_mode(expression, mode).is_ok_and(|parsed| {
+        parsed.evaluate(|required| match &required.license {
+            LicenseItem::Spdx { id, .. } => ALLOWED.contains(&id.name),
+            LicenseItem::Other { .. } => false,
+        })
+    })
 }
 
 #[cfg(test)]
@@ -103,6 +72,7 @@ mod tests {
             "(MIT",
             "MIT MIT",
             "MIT OR",
+            "LicenseRef-ours",
         ] {
             assert!(!passes(bad), "{bad}");
         }

@@ -1,14 +1,16 @@
 //! The rules of the tree, checked by `cargo xtask tidy` and by an ordinary test.
 //!
-//! Source files ([`sources`]): a module comment first, a bounded length, no leftovers,
-//! no machine paths. Manifests ([`manifests`]): inheritance, the layer order, README, example and
-//! bench of each library. Licences ([`licences`]): the whole dependency tree against a list.
-//! A rule returns sentences, one a violation; the caller sees all of them at once.
+//! Source files (`sources`): a module comment first, a bounded length, no leftovers, no machine paths. Manifests
+//! (`manifests`): inheritance, the floors of the house, README, example and bench of each library. Licences
+//! (`licences`): the whole dependency tree against a list. Fixtures: their manifests. A rule returns sentences, one a
+//! violation; the caller sees all of them at once. `stats` counts and judges nothing.
 
-pub mod licences;
-pub mod manifests;
-pub mod sources;
+mod licences;
+mod manifests;
+mod sources;
+mod stats;
 
+use crate::{fixtures, programs};
 use anyhow::{Context, bail};
 use serde_json::Value;
 use std::path::Path;
@@ -18,11 +20,12 @@ use std::process::Command;
 ///
 /// # Errors
 /// All violations, one a line, or a tree that cannot be read.
-pub fn run(root: &Path) -> anyhow::Result<()> {
+pub(crate) fn run(root: &Path) -> anyhow::Result<()> {
     let metadata = metadata(root)?;
     let mut violations = sources::violations(root)?;
     violations.extend(manifests::violations(root, &metadata)?);
     violations.extend(licences::violations(&metadata));
+    violations.extend(fixtures::violations(root));
     violations.sort();
     if !violations.is_empty() {
         bail!("{} violations\n{}", violations.len(), violations.join("\n"));
@@ -30,10 +33,17 @@ pub fn run(root: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The figures of every crate of the workspace at `root`.
+///
+/// # Errors
+/// A tree that cannot be read.
+pub(crate) fn table(root: &Path) -> anyhow::Result<String> {
+    stats::table(&metadata(root)?)
+}
+
 /// `cargo metadata` with the whole dependency tree.
 fn metadata(root: &Path) -> anyhow::Result<Value> {
-    let cargo = std::env::var("CARGO").unwrap_or_else(|_| String::from("cargo"));
-    let output = Command::new(cargo)
+    let output = Command::new(programs::cargo())
         .args(["metadata", "--format-version", "1", "--locked"])
         .current_dir(root)
         .output()

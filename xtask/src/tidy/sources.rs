@@ -31,7 +31,7 @@ const MACHINE_PATHS: [[&str; 2]; 4] = [
 ///
 /// # Errors
 /// A folder or file cannot be read.
-pub fn violations(root: &Path) -> anyhow::Result<Vec<String>> {
+pub(crate) fn violations(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut found = Vec::new();
     for file in text_files(root)? {
         let bytes = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;

@@ -2,7 +2,11 @@
 
 #![expect(
     clippy::unwrap_used,
-    reason = "a helper that fails is a test that fails"
+    clippy::print_stdout,
+    reason = "a helper that fails is a test that fails; a skipped test says so"
 )]
 
+mod calibration_files;
 mod commands;
+mod fixtures;
+mod recorded_board;

@@ -1,0 +1,190 @@
+//! The command line of `wall-scenes`: every command and flag in one place.
+
+use lexopt::prelude::*;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use wall_scenes::{BoardSetSpec, SceneSpec};
+
+/// The text of `--help`.
+pub(crate) const HELP: &str = "\
+wall-scenes <command>
+
+scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
+      render a sequence with ground truth; LEVELS is the pixel noise at mid grey
+board --out DIR [--count N] [--seed S] [--width PX] [--noise LEVELS]
+      render pictures of a 9x6 checkerboard with its true corners and camera, for mono-slam calibrate
+";
+
+/// A parsed command line.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Command {
+    /// Print [`HELP`].
+    Help,
+    /// Render one sequence into a folder.
+    Scene {
+        /// Folder of the sequence.
+        out: PathBuf,
+        /// The sequence.
+        spec: SceneSpec,
+    },
+    /// Render pictures of a checkerboard into a folder.
+    Board {
+        /// The folder.
+        out: PathBuf,
+        /// The pictures.
+        spec: BoardSetSpec,
+    },
+}
+
+/// Reads a command line without the program's name.
+///
+/// # Errors
+/// Anything unknown, missing or out of place, in one sentence.
+pub(crate) fn parse(
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<Command, lexopt::Error> {
+    let mut parser = lexopt::Parser::from_args(arguments);
+    let name = match parser.next()? {
+        None => return Err("a command is required: scene or board".into()),
+        Some(Long("help") | Short('h')) => return Ok(Command::Help),
+        Some(Value(name)) => name.string()?,
+        Some(other) => return Err(other.unexpected()),
+    };
+    match name.as_str() {
+        "scene" => scene(&mut parser),
+        "board" => board(&mut parser),
+        "help" => Ok(Command::Help),
+        other => Err(format!("no command `{other}`: use scene or board").into()),
+    }
+}
+
+/// An error with `message` unless `holds`.
+fn require(holds: bool, message: impl FnOnce() -> String) -> Result<(), lexopt::Error> {
+    if holds { Ok(()) } else { Err(message().into()) }
+}
+
+fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
+    let (mut out, mut kind, mut seed) = (None, String::from("wall"), 1);
+    let (mut frames, mut noise_px) = (None, None);
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("out") => out = Some(PathBuf::from(parser.value()?)),
+            Long("kind") => kind = parser.value()?.string()?,
+            Long("seed") => seed = parser.value()?.parse()?,
+            Long("frames") => frames = Some(parser.value()?.parse()?),
+            Long("noise-px") => noise_px = Some(parser.value()?.parse()?),
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected()),
+        }
+    }
+    let mut spec = match kind.as_str() {
+        "wall" => SceneSpec::wall(seed),
+        "room" => SceneSpec::room(seed),
+        other => return Err(format!("--kind must be wall or room, not `{other}`").into()),
+    };
+    spec.frames = frames.unwrap_or(spec.frames);
+    spec.noise_px = noise_px.unwrap_or(spec.noise_px);
+    spec.check().map_err(|error| error.to_string())?;
+    let out = out.ok_or("scene needs --out SEQ")?;
+    require(!out.as_os_str().is_empty(), || {
+        "--out must not be empty".into()
+    })?;
+    Ok(Command::Scene { out, spec })
+}
+
+fn board(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
+    let (mut out, mut spec) = (None, BoardSetSpec::small(20, 1));
+    spec.image = (640, 480);
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("out") => out = Some(PathBuf::from(parser.value()?)),
+            Long("count") => spec.count = parser.value()?.parse()?,
+            Long("seed") => spec.seed = parser.value()?.parse()?,
+            Long("width") => spec.image.0 = parser.value()?.parse()?,
+            Long("noise") => spec.look.noise = parser.value()?.parse()?,
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected()),
+        }
+    }
+    require((1..=1000).contains(&spec.count), || {
+        format!("--count must be from 1 to 1000, not {}", spec.count)
+    })?;
+    require((160..=8000).contains(&spec.image.0), || {
+        format!(
+            "--width must be from 160 to 8000 pixels, not {}",
+            spec.image.0
+        )
+    })?;
+    require((0.0..=50.0).contains(&spec.look.noise), || {
+        format!(
+            "--noise must be from 0 to 50 levels, not {}",
+            spec.look.noise
+        )
+    })?;
+    spec.image.1 = spec.image.0 * 3 / 4;
+    let out = out.ok_or("board needs --out DIR")?;
+    require(!out.as_os_str().is_empty(), || {
+        "--out must not be empty".into()
+    })?;
+    Ok(Command::Board { out, spec })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(line: &str) -> Result<Command, lexopt::Error> {
+        parse(line.split_whitespace().map(OsString::from))
+    }
+
+    #[test]
+    fn every_flag_reaches_the_specification() {
+        let line = "scene --out a/b --kind room --seed 9 --frames 12 --noise-px 1.5";
+        let spec = SceneSpec {
+            frames: 12,
+            noise_px: 1.5,
+            ..SceneSpec::room(9)
+        };
+        assert_eq!(
+            read(line).unwrap(),
+            Command::Scene {
+                out: "a/b".into(),
+                spec
+            }
+        );
+        let mut board = BoardSetSpec::small(7, 5);
+        board.image = (800, 600);
+        board.look.noise = 2.5;
+        assert_eq!(
+            read("board --out b --count 7 --seed 5 --width 800 --noise 2.5").unwrap(),
+            Command::Board {
+                out: "b".into(),
+                spec: board
+            }
+        );
+        assert_eq!(read("board --help").unwrap(), Command::Help);
+    }
+
+    #[test]
+    fn wrong_lines_say_what_is_wrong() {
+        for (line, word) in [
+            ("", "command"),
+            ("paint", "paint"),
+            ("scene", "--out"),
+            ("scene --out x --kind cave", "cave"),
+            ("scene --out x --frames 1", "1"),
+            ("scene --out x --seed -3", "-3"),
+            ("scene --out x --noise-px", "--noise-px"),
+            ("board", "--out"),
+            ("board --out b --count 0", "--count"),
+            ("board --out b --width 20", "--width"),
+            ("board --out b --noise nan", "--noise"),
+        ] {
+            let message = read(line).unwrap_err().to_string();
+            assert!(
+                message.contains(word) && !message.contains('\n'),
+                "{line}: {message}"
+            );
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The paper's camera and how it sits on the robot.
+//!
+//! Pinhole with Table I: u = `fx` X/Z + `cx`, v = `fy` Y/Z + `cy`; camera axes x right,
+//! y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
+//! The mount is `theta_cr` = 90 degrees, taken as looking to the robot's left, so
+//! that a robot driving forward sees the wall move to the left of the image.
+//! `X_cr` and `Z_cr` are read as the camera's offset to the right of and ahead of
+//! the turning centre; the height above the floor is ours.
+
+use estimation_base::Se2;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+/// Table I: focal length along the rows, pixels.
+pub(crate) const FX: f64 = 368.82620;
+/// Table I: focal length along the columns, pixels.
+pub(crate) const FY: f64 = 369.90239;
+/// Table I: column of the principal point.
+pub(crate) const CX: f64 = 159.67029;
+/// Table I: row of the principal point.
+pub(crate) const CY: f64 = 121.54136;
+/// Image width in pixels.
+pub(crate) const WIDTH: usize = 320;
+/// Image height in pixels.
+pub(crate) const HEIGHT: usize = 240;
+/// Camera in the body, metres: `Z_cr` ahead, `X_cr` to the right, 0.9 m up.
+pub(crate) const POSITION_IN_BODY: [f64; 3] = [0.100_174_2, -0.002_103_9, 0.9];
+/// Rows of the rotation whose columns are the camera's axes in body axes.
+pub(crate) const ROTATION_BODY_FROM_CAMERA: [[f64; 3]; 3] =
+    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
+/// Nearest depth that still projects, metres.
+const NEAREST_M: f64 = 1e-6;
+
+/// Pose of the camera in the body.
+pub(crate) fn body_from_camera() -> Isometry3<f64> {
+    let rows = ROTATION_BODY_FROM_CAMERA;
+    let matrix = Matrix3::from_fn(|r, c| rows[r][c]);
+    let [x, y, z] = POSITION_IN_BODY;
+    Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)),
+    )
+}
+
+/// Pose of the camera in the world for a planar pose of the body.
+pub(crate) fn world_from_camera(body: &Se2) -> Isometry3<f64> {
+    let world_from_body = Isometry3::from_parts(
+        Translation3::new(body.x, body.y, 0.0),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), body.phi),
+    );
+    world_from_body * body_from_camera()
+}
+
+/// Pixel of a point in camera axes; `None` when it is not in front.
+pub(crate) fn project(point: &Point3<f64>) -> Option<[f64; 2]> {
+    (point.z > NEAREST_M).then(|| [FX * point.x / point.z + CX, FY * point.y / point.z + CY])
+}
+
+/// Direction in camera axes seen at a pixel, scaled to unit depth (z = 1).
+pub(crate) fn ray(u: f64, v: f64) -> Vector3<f64> {
+    Vector3::new((u - CX) / FX, (v - CY) / FY, 1.0)
+}
+
+/// Whether a pixel position lies on the image.
+pub(crate) fn on_image(u: f64, v: f64) -> bool {
+    (-0.5..WIDTH as f64 - 0.5).contains(&u) && (-0.5..HEIGHT as f64 - 0.5).contains(&v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_known_point_lands_where_table_one_says() {
+        // 2 m to the left of the camera, 0.5 m ahead of it and 0.25 m above it.
+        let body = Se2 {
+            x: 0.0,
+            y: 0.0,
+            phi: 0.0,
+        };
+        let [x, y, z] = POSITION_IN_BODY;
+        let point = Point3::new(x + 0.5, y + 2.0, z + 0.25);
+        let [u, v] = project(&(world_from_camera(&body).inverse() * point)).unwrap();
+        assert!((u - (CX + FX * 0.25)).abs() < 1e-9, "{u}");
+        assert!((v - (CY - FY * 0.125)).abs() < 1e-9, "{v}");
+    }
+
+    #[test]
+    fn camera_looks_left_whatever_the_heading() {
+        let body = Se2 {
+            x: 3.0,
+            y: -1.0,
+            phi: 0.7,
+        };
+        let forward = world_from_camera(&body) * Vector3::z();
+        let left = Vector3::new(-(0.7_f64.sin()), 0.7_f64.cos(), 0.0);
+        assert!((forward - left).norm() < 1e-12);
+    }
+
+    #[test]
+    fn ray_and_projection_are_inverse() {
+        for (u, v) in [(0.0, 0.0), (319.0, 239.0), (12.5, 200.25)] {
+            let [pu, pv] = project(&Point3::from(ray(u, v) * 1.7)).unwrap();
+            assert!((pu - u).abs() < 1e-10 && (pv - v).abs() < 1e-10);
+        }
+        assert!(project(&Point3::new(0.0, 0.0, -1.0)).is_none());
+    }
+}

@@ -1,0 +1,163 @@
+//! A built scene and its exact truth.
+//!
+//! World axes: x forward along the first heading, y left, z up; the origin is the first body pose, on the floor.
+
+use crate::camera;
+use crate::error::SceneError;
+use crate::layout::{course, furniture};
+use crate::skin::paint::{Skins, paint_facets};
+use crate::spec::SceneSpec;
+use crate::stream::{Purpose, stream};
+use crate::trajectory::{OdometryRow, TruePath};
+use crate::world::World;
+use mono_geometry::{Mount, Pinhole, Se3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3};
+
+/// A built scene: geometry, the true path, the odometry. Skins are painted apart.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    pub(crate) spec: SceneSpec,
+    pub(crate) world: World,
+    path: TruePath,
+    odometry: Vec<OdometryRow>,
+}
+
+impl Scene {
+    /// Builds the scene of a specification, without painting it: quick.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::check`].
+    pub fn new(spec: SceneSpec) -> Result<Self, SceneError> {
+        spec.check()?;
+        let path = TruePath::drive(
+            course(&spec),
+            spec.frames,
+            &mut stream(spec.seed, Purpose::Path, 0),
+        );
+        let odometry = path.odometry(&spec.odometry, &mut stream(spec.seed, Purpose::Odometry, 0));
+        let world = furniture(&spec);
+        Ok(Self {
+            spec,
+            world,
+            path,
+            odometry,
+        })
+    }
+
+    /// The specification it was built from.
+    pub fn spec(&self) -> &SceneSpec {
+        &self.spec
+    }
+
+    /// Paints the skins that [`Self::render`] looks at; a second or so.
+    pub fn skins(&self) -> Skins {
+        paint_facets(&self.world.facets, &self.world.paints, self.spec.seed)
+    }
+
+    /// True path and control.
+    pub fn path(&self) -> &TruePath {
+        &self.path
+    }
+
+    /// The rows the wheels report.
+    pub fn odometry(&self) -> &[OdometryRow] {
+        &self.odometry
+    }
+
+    /// The camera of all scenes: Table I of the paper, without distortion.
+    #[must_use]
+    pub fn pinhole() -> Pinhole {
+        Pinhole {
+            width: camera::WIDTH,
+            height: camera::HEIGHT,
+            fx: camera::FX,
+            fy: camera::FY,
+            cx: camera::CX,
+            cy: camera::CY,
+        }
+    }
+
+    /// The pose of the camera in the body, which looks to the left.
+    #[must_use]
+    pub fn mount() -> Mount {
+        let rows = camera::ROTATION_BODY_FROM_CAMERA;
+        let axes = Matrix3::from_fn(|r, c| rows[r][c]);
+        Mount {
+            body_from_camera: Se3::new(
+                Rotation3::from_matrix_unchecked(axes),
+                camera::POSITION_IN_BODY.into(),
+            ),
+        }
+    }
+
+    /// True camera pose of a frame.
+    ///
+    /// # Panics
+    /// When `frame` is not below the number of frames.
+    pub fn world_from_camera(&self, frame: usize) -> Isometry3<f64> {
+        camera::world_from_camera(&self.path.poses[frame])
+    }
+
+    /// Depth (camera z, metres) of the surface seen at a pixel position of a frame;
+    /// `None` outside the image or where the ray leaves the scene.
+    ///
+    /// # Panics
+    /// When `frame` is not below the number of frames.
+    pub fn depth_at(&self, frame: usize, u: f64, v: f64) -> Option<f64> {
+        if !camera::on_image(u, v) {
+            return None;
+        }
+        let pose = self.world_from_camera(frame);
+        let origin = Point3::from(pose.translation.vector);
+        // The ray has unit camera depth, so its parameter is the depth.
+        self.world
+            .cast(&origin, &(pose * camera::ray(u, v)))
+            .map(|hit| hit.distance)
+    }
+
+    /// World point seen at a pixel position of a frame, as [`Self::depth_at`].
+    ///
+    /// # Panics
+    /// When `frame` is not below the number of frames.
+    pub fn point_at(&self, frame: usize, u: f64, v: f64) -> Option<Point3<f64>> {
+        let depth = self.depth_at(frame, u, v)?;
+        Some(self.world_from_camera(frame) * Point3::from(camera::ray(u, v) * depth))
+    }
+
+    /// Pixel at which a frame would see a world point if nothing hid it; `None`
+    /// behind the camera or outside the image.
+    ///
+    /// # Panics
+    /// When `frame` is not below the number of frames.
+    pub fn project(&self, frame: usize, point: &Point3<f64>) -> Option<[f64; 2]> {
+        let seen = self.world_from_camera(frame).inverse() * point;
+        camera::project(&seen).filter(|&[u, v]| camera::on_image(u, v))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{HEIGHT, WIDTH, ray};
+    use crate::screen::ScreenIndex;
+
+    #[test]
+    fn screen_index_misses_no_facet() {
+        for spec in [SceneSpec::wall(3), SceneSpec::room(3)] {
+            let scene = Scene::new(spec).unwrap();
+            for frame in [0, 17, 25] {
+                let pose = scene.world_from_camera(frame);
+                let index = ScreenIndex::new(&scene.world.facets, &pose);
+                let eye = Point3::from(pose.translation.vector);
+                for k in 0..2000 {
+                    let (column, row) = (k * 7919 % WIDTH, k * 104_729 % HEIGHT);
+                    let direction = pose * ray(column as f64 + 0.37, row as f64 - 0.44);
+                    let fast = scene
+                        .world
+                        .cast_among(index.at(column, row), &eye, &direction);
+                    assert_eq!(fast, scene.world.cast(&eye, &direction));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Scenes: truth that agrees with the images, and determinism.
+
+use nalgebra::Point3;
+use wall_scenes::{Scene, SceneKind, SceneSpec};
+
+/// Fewer frames than the real thing, so that debug tests stay short.
+fn small(kind: SceneKind, seed: u64) -> Scene {
+    let spec = match kind {
+        SceneKind::Wall => SceneSpec::wall(seed),
+        SceneKind::Room => SceneSpec::room(seed),
+    };
+    Scene::new(SceneSpec { frames: 12, ..spec }).unwrap()
+}
+
+#[test]
+fn a_point_seen_in_one_frame_is_seen_in_the_next_unless_hidden() {
+    for kind in [SceneKind::Wall, SceneKind::Room] {
+        let scene = small(kind, 7);
+        let (mut seen, mut hidden) = (0, 0);
+        for k in 0..600_u32 {
+            let (u, v) = (
+                f64::from(k * 131 % 319) + 0.3,
+                f64::from(k * 57 % 239) + 0.6,
+            );
+            let point = scene.point_at(4, u, v).unwrap();
+            let [bu, bv] = scene.project(4, &point).unwrap();
+            assert!((bu - u).abs() < 1e-9 && (bv - v).abs() < 1e-9);
+            let Some([u2, v2]) = scene.project(5, &point) else {
+                continue;
+            };
+            let there = scene.point_at(5, u2, v2).unwrap();
+            let range = |p: &Point3<f64>| {
+                (p - scene.world_from_camera(5).translation.vector)
+                    .coords
+                    .norm()
+            };
+            if (there - point).norm() < 1e-9 {
+                seen += 1;
+            } else {
+                // Only something nearer may stand in the way.
+                assert!(range(&there) < range(&point));
+                hidden += 1;
+            }
+        }
+        assert!(
+            seen > 10 * hidden && seen > 300,
+            "{kind:?}: {seen} seen, {hidden} hidden"
+        );
+    }
+}
+
+#[test]
+fn wall_is_two_metres_away_with_relief_in_front() {
+    let scene = small(SceneKind::Wall, 1);
+    let depths: Vec<f64> = (0..320 * 240)
+        .step_by(37)
+        .map(|k| {
+            scene
+                .depth_at(0, f64::from(k % 320), f64::from(k / 320))
+                .unwrap()
+        })
+        .collect();
+    let far = depths.iter().copied().fold(0.0, f64::max);
+    let near = depths.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!((far - 2.0021).abs() < 0.01, "{far}");
+    assert!((1.4..1.97).contains(&near), "{near}");
+}
+
+#[test]
+fn every_ray_of_the_room_ends_on_a_surface() {
+    let scene = Scene::new(SceneSpec {
+        frames: 60,
+        ..SceneSpec::room(2)
+    })
+    .unwrap();
+    for frame in 0..60 {
+        for (u, v) in [
+            (0.0, 0.0),
+            (319.0, 0.0),
+            (0.0, 239.0),
+            (319.0, 239.0),
+            (160.0, 120.0),
+        ] {
+            let depth = scene.depth_at(frame, u, v).unwrap();
+            assert!((0.8..6.0).contains(&depth), "frame {frame}: {depth}");
+        }
+    }
+}
+
+#[test]
+fn same_seed_same_pixels_whatever_the_threads() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let scene = small(SceneKind::Wall, 5);
+            (scene.render(&scene.skins(), 3), scene.odometry().to_vec())
+        })
+    };
+    let one = on(1);
+    assert_eq!(one, on(3));
+    let other = small(SceneKind::Wall, 6);
+    assert_ne!(one.0, other.render(&other.skins(), 3));
+}
+
+#[test]
+fn more_frames_leave_the_path_of_the_first_ones_alone() {
+    let short = small(SceneKind::Wall, 5);
+    let long = Scene::new(SceneSpec {
+        frames: 20,
+        ..SceneSpec::wall(5)
+    })
+    .unwrap();
+    assert_eq!(short.path().poses[..], long.path().poses[..12]);
+}
+
+#[test]
+fn a_written_scene_reads_back_as_itself() {
+    let folder = std::env::temp_dir().join(format!("scene-round-trip-{}", std::process::id()));
+    let scene = Scene::new(SceneSpec {
+        frames: 2,
+        ..SceneSpec::wall(8)
+    })
+    .unwrap();
+    scene.write(&folder).unwrap();
+    let again = Scene::read(&folder.join("scene.json")).unwrap();
+    let image = image::open(folder.join("images/000001.png"))
+        .unwrap()
+        .to_luma8();
+    let description = std::fs::read(folder.join("scene.json")).unwrap();
+    let copy = folder.join("copy");
+    again.write(&copy).unwrap();
+    let described_again = std::fs::read(copy.join("scene.json")).unwrap();
+    let refused = scene.write(&folder).unwrap_err().to_string();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(again.spec(), scene.spec());
+    assert_eq!(description, described_again);
+    assert_eq!(image.into_raw(), again.render(&again.skins(), 1).pixels);
+    assert!(refused.contains("already holds"), "{refused}");
+}
+
+#[test]
+fn impossible_scenes_are_refused_with_the_number_given() {
+    for spec in [
+        SceneSpec {
+            frames: 1,
+            ..SceneSpec::wall(0)
+        },
+        SceneSpec {
+            noise_px: f64::NAN,
+            ..SceneSpec::wall(0)
+        },
+        SceneSpec {
+            noise_px: -1.0,
+            ..SceneSpec::wall(0)
+        },
+    ] {
+        let message = Scene::new(spec).unwrap_err().to_string();
+        assert!(
+            message.contains('1') || message.contains("NaN"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn the_camera_and_mount_given_out_are_those_of_the_truth() {
+    let scene = small(SceneKind::Wall, 4);
+    let pinhole = Scene::pinhole();
+    // In the first frame the body is the world.
+    let world_from_camera = Scene::mount().body_from_camera;
+    let point = scene.point_at(0, 100.0, 80.0).unwrap();
+    let seen = world_from_camera.inverse().transform_point(&point.coords);
+    let (u, v) = (
+        pinhole.fx * seen.x / seen.z + pinhole.cx,
+        pinhole.fy * seen.y / seen.z + pinhole.cy,
+    );
+    assert!(
+        (u - 100.0).abs() < 1e-9 && (v - 80.0).abs() < 1e-9,
+        "{u} {v}"
+    );
+}
