@@ -55,4 +55,4 @@ pub use pose::BundlePose;
 pub use problem::{
     OdometryFactor, PixelObservation, PlanarProblem, PosePrior, Problem, SpatialProblem,
 };
-pub use solve::{Adjustment, Iteration, Options, Termination, adjust};
+pub use solve::{Adjustment, Options, adjust};

@@ -1,9 +1,6 @@
 //! Levenberg-Marquardt for a bundle: damping by gain ratio, robust weights, the landmarks eliminated.
 //!
-//! Steps of an iteration: solve (H + mu diag(H)) step = -gradient; evaluate the cost there; gain ratio =
-//! (decrease of the cost) / (decrease of the quadratic model, step^T (mu diag(H) step - gradient) / 2). A step that
-//! lowers the cost is taken, mu *= max(1/3, 1 - (2 gain - 1)^3) and nu = 2; any other is refused, mu *= nu, nu *= 2
-//! (Nielsen 1999; Madsen, Nielsen and Tingleff 2004, algorithm 3.16). A landmark that a step
+//! The iteration is that of the crate's Levenberg-Marquardt driver, the damping relative to diag(H). A landmark that a step
 //! would put behind a camera that sees it is carried along with one of its cameras instead, lest one of thousands hold
 //! all others up; a step without a cost even so is refused. Re-weighting alone creeps where large residuals pull against each other (a
 //! landmark of few sightings, one of them wrong); a step whose gain is above 1.5 is stretched while the cost falls.
@@ -22,6 +19,7 @@ use super::pose::BundlePose;
 use super::problem::Problem;
 use super::schur::{InverseRoot, Schur};
 use crate::error::{GeometryError, checked};
+use crate::least_squares::{self, Control, Iteration, Model, Taken, Termination, Trial, minimise};
 use crate::robust_loss::RobustLoss;
 
 /// How to minimise, and when to stop.
@@ -55,12 +53,6 @@ impl Default for Options {
     }
 }
 
-/// Damping below this is no damping: one unit in the last place of the diagonal.
-const MIN_DAMPING: f64 = f64::EPSILON;
-
-/// At this damping a step is 1e-12 of one along the scaled gradient: no descent is left to find.
-const MAX_DAMPING: f64 = 1e12;
-
 /// A short step means convergence only if the damping did not make it short.
 const FREE_DAMPING: f64 = 1.0;
 
@@ -70,73 +62,6 @@ const STRETCH_GAIN: f64 = 1.5;
 
 /// Longest step tried that way, in steps.
 const LONGEST_STRETCH: f64 = 256.0;
-
-/// One iteration of the cost curve.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Iteration {
-    /// Cost after the iteration.
-    pub cost: f64,
-    /// Damping of the step, relative to the diagonal of the Hessian.
-    pub damping: f64,
-    /// Length of the step, in conditional standard deviations; NaN if the system could not be solved.
-    pub step_norm: f64,
-    /// Decrease of the cost over that of the model; `None` if there was no cost to compare (system not solved, a landmark
-    /// behind a camera, overflow).
-    pub gain_ratio: Option<f64>,
-    /// Whether the step was taken.
-    pub accepted: bool,
-}
-
-/// Why the minimisation ended: the measured value and the one it was compared with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Termination {
-    /// The gradient is small enough.
-    Gradient {
-        /// max |g_j| / sqrt(h_j).
-        largest: f64,
-        /// The tolerance.
-        threshold: f64,
-    },
-    /// The last step lowered the cost by next to nothing.
-    CostChange {
-        /// Decrease relative to the cost before.
-        relative: f64,
-        /// The tolerance.
-        threshold: f64,
-    },
-    /// The step is short enough (it was not taken).
-    Step {
-        /// Its length, conditional standard deviations.
-        length: f64,
-        /// The tolerance.
-        threshold: f64,
-    },
-    /// Not settled within the iterations allowed.
-    MaxIterations {
-        /// Relative decrease of the cost in the last step taken (1 if none was).
-        relative: f64,
-        /// Iterations made.
-        iterations: usize,
-    },
-    /// No step lowered the cost, however short.
-    DampingOverflow {
-        /// Damping reached.
-        damping: f64,
-        /// Largest allowed.
-        limit: f64,
-    },
-}
-
-impl Termination {
-    /// Whether a tolerance was met.
-    #[must_use]
-    pub fn converged(&self) -> bool {
-        matches!(
-            self,
-            Self::Gradient { .. } | Self::CostChange { .. } | Self::Step { .. }
-        )
-    }
-}
 
 /// The minimum found, and how.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,146 +100,179 @@ pub fn adjust<P: BundlePose<D>, const D: usize>(
     options.check()?;
     let layout = Layout::new(problem);
     let whitening = Whitening::new(problem)?;
-    let mut normal = Normal::new(&layout);
-    let mut schur = Schur::new(&layout);
-    let mut current = Estimate::new(problem);
-    let mut candidate = current.clone();
-    let mut stretched = current.clone();
-
+    let current = Estimate::new(problem);
     let initial_cost = checked(
         "cost of the start",
         cost(problem, &layout, &whitening, &options.loss, &current)?,
         "finite: pixels, landmarks or weights are too large",
         |_| true,
     )?;
-    let mut result = Adjustment {
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        initial_cost,
+    let mut bundle = Bundle {
+        problem,
+        options,
+        normal: Normal::new(&layout),
+        schur: Schur::new(&layout),
+        layout,
+        whitening,
+        candidate: current.clone(),
+        stretched: current.clone(),
+        current,
         cost: initial_cost,
+        candidate_cost: initial_cost,
         iterations: Vec::new(),
-        termination: Termination::MaxIterations {
-            relative: 1.0,
-            iterations: options.max_iterations,
-        },
         cost_evaluations: 1,
         jacobian_evaluations: 0,
-        undetermined_landmarks: Vec::new(),
     };
-    let mut damping = options.initial_damping;
-    let mut growth = 2.0;
-    let mut relative = 1.0;
-    let mut stale = true;
-    result.termination = loop {
-        if stale {
-            normal.fill(problem, &layout, &whitening, &options.loss, &current)?;
-            result.jacobian_evaluations += 1;
-            schur.set_scales(&normal);
-            stale = false;
-            let largest = largest_gradient(&normal, &schur);
-            if largest <= options.gradient_tolerance {
-                break Termination::Gradient {
-                    largest,
-                    threshold: options.gradient_tolerance,
-                };
-            }
-            if result.iterations.last().is_some_and(|i| i.accepted)
-                && relative <= options.cost_tolerance
-            {
-                break Termination::CostChange {
-                    relative,
-                    threshold: options.cost_tolerance,
-                };
-            }
-        }
-        if result.iterations.len() >= options.max_iterations {
-            break Termination::MaxIterations {
-                relative,
-                iterations: result.iterations.len(),
-            };
-        }
-        if damping > MAX_DAMPING {
-            break Termination::DampingOverflow {
-                damping,
-                limit: MAX_DAMPING,
-            };
-        }
-        let solved = schur.step(&layout, &normal, damping).is_ok();
-        let model = Model::new(&normal, &schur, damping);
-        let usable = solved && model.decrease.is_finite() && model.length.is_finite();
-        if usable && model.length <= options.step_tolerance && damping < FREE_DAMPING {
-            break Termination::Step {
-                length: model.length,
-                threshold: options.step_tolerance,
-            };
-        }
-        let mut gain_ratio = None;
-        let mut accepted = false;
-        if usable {
-            candidate.step_from(&current, &layout, &schur, 1.0, problem);
-            result.cost_evaluations += 1;
-            let mut tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
-            if tried.is_err() {
+    bundle.linearise()?;
+    let control = Control {
+        damping: options.initial_damping,
+        first_damping: options.initial_damping,
+        max_iterations: options.max_iterations,
+    };
+    let (termination, _) = minimise(&mut bundle, &control)?;
+    let v = &bundle.normal.v;
+    Ok(Adjustment {
+        undetermined_landmarks: (0..v.len())
+            .filter(|&l| InverseRoot::new(&v[l]).rank < 3)
+            .collect(),
+        poses: bundle.current.poses,
+        landmarks: bundle.current.landmarks,
+        initial_cost,
+        cost: bundle.cost,
+        iterations: bundle.iterations,
+        termination,
+        cost_evaluations: bundle.cost_evaluations,
+        jacobian_evaluations: bundle.jacobian_evaluations,
+    })
+}
+
+/// The bundle at its current estimate, and buffers for the next.
+struct Bundle<'a, P, const D: usize> {
+    problem: &'a Problem<P, D>,
+    options: &'a Options,
+    layout: Layout,
+    whitening: Whitening<D>,
+    normal: Normal<D>,
+    schur: Schur<D>,
+    current: Estimate<P>,
+    candidate: Estimate<P>,
+    stretched: Estimate<P>,
+    cost: f64,
+    candidate_cost: f64,
+    iterations: Vec<Iteration>,
+    cost_evaluations: usize,
+    jacobian_evaluations: usize,
+}
+
+impl<P: BundlePose<D>, const D: usize> Bundle<'_, P, D> {
+    /// Fills the normal equations at the current estimate.
+    fn linearise(&mut self) -> Result<(), GeometryError> {
+        self.jacobian_evaluations += 1;
+        self.normal.fill(
+            self.problem,
+            &self.layout,
+            &self.whitening,
+            &self.options.loss,
+            &self.current,
+        )?;
+        self.schur.set_scales(&self.normal);
+        Ok(())
+    }
+
+    fn cost_of(&self, estimate: &Estimate<P>) -> Option<f64> {
+        let Self {
+            problem,
+            layout,
+            whitening,
+            options,
+            ..
+        } = self;
+        cost(problem, layout, whitening, &options.loss, estimate)
+            .ok()
+            .filter(|c| c.is_finite())
+    }
+}
+
+impl<P: BundlePose<D>, const D: usize> least_squares::Problem for Bundle<'_, P, D> {
+    type Error = GeometryError;
+
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Option<Model>, GeometryError> {
+        let solved = self.schur.step(&self.layout, &self.normal, damping);
+        Ok(solved
+            .is_ok()
+            .then(|| model(&self.normal, &self.schur, damping)))
+    }
+
+    fn evaluate(&mut self, model: &Model) -> Option<Trial> {
+        let (layout, schur, problem) = (&self.layout, &self.schur, self.problem);
+        self.candidate
+            .step_from(&self.current, layout, schur, 1.0, problem);
+        self.cost_evaluations += 1;
+        let unit_cost = match self.cost_of(&self.candidate) {
+            Some(cost) => cost,
+            None => {
                 // One landmark of thousands must not cost the step.
-                candidate.bring_to_front(&current, &layout);
-                result.cost_evaluations += 1;
-                tried = cost(problem, &layout, &whitening, &options.loss, &candidate);
+                self.candidate.bring_to_front(&self.current, &self.layout);
+                self.cost_evaluations += 1;
+                self.cost_of(&self.candidate)?
             }
-            if let Some(next) = tried.ok().filter(|c| c.is_finite()) {
-                let gain = (result.cost - next) / model.decrease;
-                gain_ratio = Some(gain);
-                accepted = next < result.cost && model.decrease > 0.0;
-                let mut next = next;
-                let mut factor = 2.0;
-                while accepted && gain > STRETCH_GAIN && factor <= LONGEST_STRETCH {
-                    stretched.step_from(&current, &layout, &schur, factor, problem);
-                    result.cost_evaluations += 1;
-                    let tried = cost(problem, &layout, &whitening, &options.loss, &stretched);
-                    match tried {
-                        Ok(lower) if lower < next => {
-                            next = lower;
-                            std::mem::swap(&mut candidate, &mut stretched);
-                            factor *= 2.0;
-                        }
-                        _ => break,
-                    }
-                }
-                if accepted {
-                    relative = (result.cost - next) / result.cost;
-                    result.cost = next;
-                    std::mem::swap(&mut current, &mut candidate);
-                    stale = true;
-                    let shrink = 1.0 - (2.0 * gain - 1.0).powi(3);
-                    growth = 2.0;
-                    result.iterations.push(Iteration {
-                        cost: next,
-                        damping,
-                        step_norm: model.length,
-                        gain_ratio,
-                        accepted,
-                    });
-                    damping = (damping * shrink.max(1.0 / 3.0)).max(MIN_DAMPING);
-                }
-            }
+        };
+        let mut cost = unit_cost;
+        let gain = (self.cost - cost) / model.decrease;
+        let mut factor = 2.0;
+        while cost < self.cost && gain > STRETCH_GAIN && factor <= LONGEST_STRETCH {
+            let (layout, schur) = (&self.layout, &self.schur);
+            self.stretched
+                .step_from(&self.current, layout, schur, factor, problem);
+            self.cost_evaluations += 1;
+            let Some(lower) = self.cost_of(&self.stretched).filter(|lower| *lower < cost) else {
+                break;
+            };
+            cost = lower;
+            std::mem::swap(&mut self.candidate, &mut self.stretched);
+            factor *= 2.0;
         }
-        if !accepted {
-            result.iterations.push(Iteration {
-                cost: result.cost,
-                damping,
-                step_norm: if solved { model.length } else { f64::NAN },
-                gain_ratio,
-                accepted,
+        self.candidate_cost = cost;
+        Some(Trial { cost, unit_cost })
+    }
+
+    fn accept(&mut self) -> Result<(), GeometryError> {
+        std::mem::swap(&mut self.current, &mut self.candidate);
+        self.cost = self.candidate_cost;
+        self.linearise()
+    }
+
+    fn at_estimate(&self, last: Option<Taken>) -> Option<Termination> {
+        let largest = largest_gradient(&self.normal, &self.schur);
+        if largest <= self.options.gradient_tolerance {
+            return Some(Termination::Gradient {
+                largest,
+                threshold: self.options.gradient_tolerance,
             });
-            damping *= growth;
-            growth *= 2.0;
         }
-    };
-    result.undetermined_landmarks = (0..normal.v.len())
-        .filter(|&l| InverseRoot::new(&normal.v[l]).rank < 3)
-        .collect();
-    result.poses = current.poses;
-    result.landmarks = current.landmarks;
-    Ok(result)
+        let relative = last?.relative;
+        (relative <= self.options.cost_tolerance).then_some(Termination::CostChange {
+            relative,
+            threshold: self.options.cost_tolerance,
+        })
+    }
+
+    fn before_step(&self, model: &Model, damping: f64) -> Option<Termination> {
+        (model.length <= self.options.step_tolerance && damping < FREE_DAMPING).then_some(
+            Termination::Step {
+                length: model.length,
+                threshold: self.options.step_tolerance,
+            },
+        )
+    }
+
+    fn record(&mut self, iteration: Iteration) {
+        self.iterations.push(iteration);
+    }
 }
 
 impl Options {
@@ -366,32 +324,23 @@ impl<P: Copy> Estimate<P> {
     }
 }
 
-/// What the quadratic model says of a step.
-struct Model {
-    /// step^T (mu diag(H) step - gradient) / 2.
-    decrease: f64,
-    /// sqrt(step^T diag(H) step).
-    length: f64,
-}
-
-impl Model {
-    fn new<const D: usize>(normal: &Normal<D>, schur: &Schur<D>, damping: f64) -> Self {
-        let mut twice = 0.0;
-        let mut squared = 0.0;
-        for j in 0..schur.pose_step.len() {
-            let (d, h) = (schur.pose_step[j], schur.pose_scale[j]);
-            twice += d * (damping * h * d - normal.pose_gradient[j]);
-            squared += h * d * d;
-        }
-        for (l, step) in schur.landmark_step.iter().enumerate() {
-            let scaled = schur.landmark_scale[l].component_mul(step);
-            twice += step.dot(&(scaled * damping - normal.landmark_gradient[l]));
-            squared += scaled.dot(step);
-        }
-        Self {
-            decrease: 0.5 * twice,
-            length: squared.sqrt(),
-        }
+/// The quadratic model: decrease step^T (mu diag(H) step - gradient) / 2, length sqrt(step^T diag(H) step).
+fn model<const D: usize>(normal: &Normal<D>, schur: &Schur<D>, damping: f64) -> Model {
+    let mut twice = 0.0;
+    let mut squared = 0.0;
+    for j in 0..schur.pose_step.len() {
+        let (d, h) = (schur.pose_step[j], schur.pose_scale[j]);
+        twice += d * (damping * h * d - normal.pose_gradient[j]);
+        squared += h * d * d;
+    }
+    for (l, step) in schur.landmark_step.iter().enumerate() {
+        let scaled = schur.landmark_scale[l].component_mul(step);
+        twice += step.dot(&(scaled * damping - normal.landmark_gradient[l]));
+        squared += scaled.dot(step);
+    }
+    Model {
+        decrease: 0.5 * twice,
+        length: squared.sqrt(),
     }
 }
 

@@ -72,7 +72,7 @@ pub(super) fn warnings(
     limits: &WarningLimits,
 ) -> Vec<CalibrationWarning> {
     let mut warnings = Vec::new();
-    if !calibration.termination.is_minimum() {
+    if !calibration.termination.converged() {
         warnings.push(CalibrationWarning::NotConverged {
             termination: calibration.termination,
         });
@@ -229,7 +229,7 @@ fn extrapolated(
 
 fn outlying_views(calibration: &Calibration, limits: &WarningLimits) -> Vec<CalibrationWarning> {
     // The residuals of noise-free corners are rounding errors, whose ratios mean nothing.
-    if matches!(calibration.termination, super::Termination::Exact { .. }) {
+    if matches!(calibration.termination, crate::Termination::Exact { .. }) {
         return Vec::new();
     }
     let mut sorted: Vec<f64> = calibration.views.iter().map(|v| v.rms_px).collect();

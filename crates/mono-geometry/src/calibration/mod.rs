@@ -34,7 +34,7 @@ mod warning;
 pub use closed_form::{ClosedForm, Skew, closed_form_intrinsics, focal_length_from_centre};
 pub use error::CalibrationError;
 pub use input::{CalibrationOptions, CalibrationView, Corner, LensModel, WarningLimits};
-pub use report::{Calibration, IntrinsicsStart, ParameterEstimate, Termination, ViewReport};
+pub use report::{Calibration, IntrinsicsStart, ParameterEstimate, ViewReport};
 pub use view_pose::pose_from_homography;
 pub use warning::{CalibrationWarning, SkipReason};
 
@@ -84,7 +84,7 @@ pub fn calibrate(
             options.max_iterations,
             camera,
             poses,
-        )?;
+        );
         let mut parameters = first.camera.parameters().as_slice().to_vec();
         parameters.resize(free, 0.0);
         let lens = options.model.ideal().with_parameters(&parameters[4..])?;
@@ -98,7 +98,7 @@ pub fn calibrate(
         options.max_iterations,
         camera,
         poses,
-    )?;
+    );
     let camera = refined.camera;
     let uncertainty =
         covariance::uncertainty(&usable, free, options.loss, &camera, &refined.poses)?;

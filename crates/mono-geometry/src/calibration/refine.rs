@@ -14,12 +14,13 @@
 //! Degenerate: directions that no corner sees have a singular reduced matrix; the damping holds them where they
 //! started.
 
+use std::convert::Infallible;
+
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, Vector6};
 
-use super::report::Termination;
 use super::start::UsableView;
 use crate::camera::{Camera, MAX_PARAMETERS};
-use crate::error::GeometryError;
+use crate::least_squares::{Control, Model, Problem, Taken, Termination, Trial, minimise};
 use crate::linalg::cholesky;
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
@@ -30,8 +31,10 @@ const DECREASE_TOLERANCE: f64 = 1e-14;
 const ROUNDING_TOLERANCE: f64 = 1e-11;
 /// Pixels of noise-free corners are right to a few of these times their size.
 const EXACT_ULPS: f64 = 8.0;
-/// Damping beyond which no step is left.
-const MAX_DAMPING: f64 = 1e12;
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f64 = 1e-4;
+/// A small decrease means convergence only if the damping did not make it small.
+const FREE_DAMPING: f64 = 1e-3;
 
 /// Free parameters of the camera, the 6 of a pose, the residual.
 const COLUMNS: usize = MAX_PARAMETERS + 7;
@@ -46,9 +49,6 @@ pub(super) struct Refined {
 }
 
 /// Refines the first `free` parameters of the camera and all poses.
-///
-/// # Errors
-/// As [`Camera::with_parameters`].
 pub(super) fn refine(
     views: &[UsableView<'_>],
     free: usize,
@@ -56,90 +56,126 @@ pub(super) fn refine(
     max_iterations: usize,
     camera: Camera,
     poses: Vec<Se3>,
-) -> Result<Refined, GeometryError> {
-    let mut state = Refined {
+) -> Refined {
+    let Some(system) = System::build(views, free, loss, &camera, &poses) else {
+        return Refined {
+            camera,
+            poses,
+            cost_curve: Vec::new(),
+            termination: Termination::IterationLimit {
+                iterations: 0,
+                relative: 1.0,
+            },
+        };
+    };
+    let mut arrow = Arrow {
+        views,
+        free,
+        loss,
         camera,
         poses,
-        cost_curve: Vec::new(),
-        termination: Termination::IterationLimit {
-            iterations: 0,
-            predicted_decrease: f64::INFINITY,
-        },
+        cost_curve: vec![system.cost],
+        system,
+        step: None,
+        candidate: None,
+        rounding: rounding_cost(views),
     };
-    let Some(mut system) = System::build(views, free, loss, &state.camera, &state.poses) else {
-        return Ok(state);
+    let control = Control {
+        damping: FIRST_DAMPING,
+        first_damping: FIRST_DAMPING,
+        max_iterations,
     };
-    state.cost_curve.push(system.cost);
-    let exact = rounding_cost(views);
-    let mut damping = 1e-4;
-    for iteration in 0..max_iterations {
-        if system.cost <= exact {
-            state.termination = Termination::Exact {
-                cost: system.cost,
-                threshold: exact,
-            };
-            break;
-        }
-        let Some(step) = system.solve(free, damping) else {
-            damping *= 10.0;
-            if damping > MAX_DAMPING {
-                state.termination = Termination::Stalled {
-                    predicted_decrease: f64::INFINITY,
-                    damping,
-                };
-                break;
-            }
-            continue;
-        };
-        let predicted_decrease = step.predicted_decrease;
-        let threshold = DECREASE_TOLERANCE * system.cost;
-        if predicted_decrease <= threshold && damping <= 1e-3 {
-            state.termination = Termination::Converged {
-                predicted_decrease,
-                threshold,
-            };
-            break;
-        }
-        state.termination = Termination::IterationLimit {
-            iterations: iteration + 1,
-            predicted_decrease,
-        };
-        let trial = apply(&state, free, &step)?;
-        let next = trial.as_ref().and_then(|(camera, poses)| {
-            System::build(views, free, loss, camera, poses).filter(|n| n.cost < system.cost)
-        });
-        match (trial, next) {
-            (Some((camera, poses)), Some(next)) => {
-                // Nielsen's rule: damp less the better the model predicted the decrease.
-                let gain = (system.cost - next.cost) / predicted_decrease;
-                damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(0.05, 2.0);
-                damping = damping.max(1e-12);
-                state.camera = camera;
-                state.poses = poses;
-                state.cost_curve.push(next.cost);
-                system = next;
-            }
-            _ => {
-                let threshold = ROUNDING_TOLERANCE * system.cost + exact;
-                if predicted_decrease <= threshold {
-                    state.termination = Termination::Converged {
-                        predicted_decrease,
-                        threshold,
-                    };
-                    break;
-                }
-                damping *= 8.0;
-                if damping > MAX_DAMPING {
-                    state.termination = Termination::Stalled {
-                        predicted_decrease,
-                        damping,
-                    };
-                    break;
-                }
-            }
-        }
+    let Ok((termination, _)) = minimise(&mut arrow, &control);
+    Refined {
+        camera: arrow.camera,
+        poses: arrow.poses,
+        cost_curve: arrow.cost_curve,
+        termination,
     }
-    Ok(state)
+}
+
+/// Camera and poses being refined.
+struct Arrow<'a> {
+    views: &'a [UsableView<'a>],
+    free: usize,
+    loss: RobustLoss,
+    camera: Camera,
+    poses: Vec<Se3>,
+    system: System,
+    step: Option<Step>,
+    candidate: Option<(Camera, Vec<Se3>, System)>,
+    cost_curve: Vec<f64>,
+    /// Cost of rounding errors alone.
+    rounding: f64,
+}
+
+impl Problem for Arrow<'_> {
+    type Error = Infallible;
+
+    fn cost(&self) -> f64 {
+        self.system.cost
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Option<Model>, Infallible> {
+        self.step = self.system.solve(self.free, damping);
+        Ok(self.step.as_ref().map(|step| Model {
+            decrease: step.predicted_decrease,
+            length: step.camera.norm(),
+        }))
+    }
+
+    fn evaluate(&mut self, _model: &Model) -> Option<Trial> {
+        let step = self.step.as_ref()?;
+        let mut parameters = self.camera.parameters();
+        for k in 0..self.free {
+            parameters[k] += step.camera[k];
+        }
+        // A focal length that is no longer positive makes no camera: the step was too long.
+        let camera = self.camera.with_parameters(parameters.as_slice()).ok()?;
+        let poses: Vec<Se3> = self
+            .poses
+            .iter()
+            .zip(&step.poses)
+            .map(|(pose, delta)| pose.compose(&Se3::exp(delta)))
+            .collect();
+        let system = System::build(self.views, self.free, self.loss, &camera, &poses)?;
+        let trial = Trial::new(system.cost);
+        self.candidate = Some((camera, poses, system));
+        Some(trial)
+    }
+
+    fn accept(&mut self) -> Result<(), Infallible> {
+        if let Some((camera, poses, system)) = self.candidate.take() {
+            self.cost_curve.push(system.cost);
+            (self.camera, self.poses, self.system) = (camera, poses, system);
+        }
+        Ok(())
+    }
+
+    fn at_estimate(&self, _last: Option<Taken>) -> Option<Termination> {
+        (self.system.cost <= self.rounding).then_some(Termination::Exact {
+            cost: self.system.cost,
+            threshold: self.rounding,
+        })
+    }
+
+    fn before_step(&self, model: &Model, damping: f64) -> Option<Termination> {
+        self.settled(model, DECREASE_TOLERANCE * self.system.cost)
+            .filter(|_| damping <= FREE_DAMPING)
+    }
+
+    fn after_refusal(&self, model: &Model) -> Option<Termination> {
+        self.settled(model, ROUNDING_TOLERANCE * self.system.cost + self.rounding)
+    }
+}
+
+impl Arrow<'_> {
+    fn settled(&self, model: &Model, threshold: f64) -> Option<Termination> {
+        (model.decrease <= threshold).then_some(Termination::PredictedDecrease {
+            decrease: model.decrease,
+            threshold,
+        })
+    }
 }
 
 /// Cost of corners that are wrong by rounding alone.
@@ -148,28 +184,6 @@ fn rounding_cost(views: &[UsableView<'_>]) -> f64 {
     corners
         .map(|c| (EXACT_ULPS * f64::EPSILON * c.pixel.amax().max(1.0) / c.sigma_px).powi(2))
         .sum()
-}
-
-/// Camera and poses after a step; `None` if the camera is none any more.
-fn apply(
-    state: &Refined,
-    free: usize,
-    step: &Step,
-) -> Result<Option<(Camera, Vec<Se3>)>, GeometryError> {
-    let mut parameters = state.camera.parameters();
-    for k in 0..free {
-        parameters[k] += step.camera[k];
-    }
-    let Ok(camera) = state.camera.with_parameters(parameters.as_slice()) else {
-        return Ok(None);
-    };
-    let poses = state
-        .poses
-        .iter()
-        .zip(&step.poses)
-        .map(|(pose, delta)| pose.compose(&Se3::exp(delta)))
-        .collect();
-    Ok(Some((camera, poses)))
 }
 
 struct Step {

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, Matrix6, Vector2};
 use super::input::LensModel;
 use super::warning::CalibrationWarning;
 use crate::camera::Camera;
+use crate::least_squares::Termination;
 use crate::se3::Se3;
 
 /// A calibrated camera and everything needed to judge it.
@@ -101,45 +102,4 @@ pub enum IntrinsicsStart {
     FocalLengthAssumed,
     /// Search over the focal length of an equidistant fisheye, the principal point at the image centre.
     EquidistantSearch,
-}
-
-/// How the refinement ended, with the quantity and the threshold.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Termination {
-    /// The next step would lower the cost by less than the threshold, a share of the cost that is rounding.
-    Converged {
-        /// Decrease of the cost that the normal equations predict.
-        predicted_decrease: f64,
-        /// The decrease that counts as none.
-        threshold: f64,
-    },
-    /// The residuals are rounding errors of the pixels: noise-free data.
-    Exact {
-        /// Cost reached.
-        cost: f64,
-        /// Cost of rounding errors alone.
-        threshold: f64,
-    },
-    /// No step lowers the cost although the normal equations promise it.
-    Stalled {
-        /// Decrease of the cost that the normal equations predict.
-        predicted_decrease: f64,
-        /// Damping factor of the last step tried.
-        damping: f64,
-    },
-    /// All steps were used up.
-    IterationLimit {
-        /// Steps taken, accepted and refused.
-        iterations: usize,
-        /// Decrease of the cost that the normal equations predicted last.
-        predicted_decrease: f64,
-    },
-}
-
-impl Termination {
-    /// Whether the result is a minimum.
-    #[must_use]
-    pub fn is_minimum(&self) -> bool {
-        matches!(self, Self::Converged { .. } | Self::Exact { .. })
-    }
 }

@@ -1,6 +1,6 @@
 //! What to doubt in a calibration: parameters that the views do not constrain, and views that do not fit.
 
-use super::report::Termination;
+use crate::least_squares::Termination;
 
 /// One doubt, with the measured value and the limit it broke.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -5,8 +5,8 @@
 //! reprojection error to first order in noise over depth, without the points.
 //!
 //! 1. residuals and their exact derivatives, those of s included, for the tangents dE_k of E;
-//! 2. Levenberg-Marquardt: (J^T J + l diag) step = -J^T r, by Cholesky; l is divided by ten on success, multiplied on
-//!    failure;
+//! 2. Levenberg-Marquardt: (J^T J + l diag) step = -J^T r, by Cholesky ([`crate::Termination`] says why it
+//!    stopped);
 //! 3. stop when the step promises less than rounding changes, or after the given iterations;
 //! 4. covariance (J^T J)^-1 at the minimum.
 //!
@@ -21,6 +21,7 @@ use nalgebra::{Const, Matrix3, SMatrix, SVector, Vector2};
 use super::Correspondence;
 use super::scorer::SampsonScorer;
 use crate::error::GeometryError;
+use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
 use crate::linalg::cholesky;
 use crate::ransac::Scorer;
 
@@ -35,28 +36,6 @@ pub trait Freedom<const K: usize>: Sized {
     /// The motion perturbed by delta.
     #[must_use]
     fn moved(&self, delta: &SVector<f64, K>) -> Self;
-}
-
-/// Why the iteration ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Termination {
-    /// A step would lower the sum of squares by less than rounding changes it.
-    Converged {
-        /// Decrease promised by the linear model.
-        promised: f64,
-        /// Decrease that would have been worth a step.
-        threshold: f64,
-    },
-    /// No damping gave a lower sum.
-    NoDecrease {
-        /// The damping reached.
-        damping: f64,
-    },
-    /// The iterations were used up.
-    IterationLimit {
-        /// Their number.
-        iterations: usize,
-    },
 }
 
 /// A refined motion.
@@ -88,47 +67,91 @@ pub fn refine<M: Freedom<K> + Clone, const K: usize>(
     variance: &Vector2<f64>,
     max_iterations: usize,
 ) -> Result<Refined<M, K>, GeometryError> {
-    let mut model = start.clone();
-    let mut normal = Normal::at(&model, matches, indices, variance);
-    let mut damping = 1e-4;
-    let mut iterations = 0;
-    let termination = loop {
-        if iterations == max_iterations {
-            break Termination::IterationLimit { iterations };
-        }
-        let diagonal = SMatrix::<f64, K, K>::from_diagonal(&normal.information.diagonal());
-        let damped = normal.information + diagonal * damping;
-        let step = normal.factor(&damped)?.solve(&-normal.gradient);
-        let promised = -normal.gradient.dot(&step);
-        let threshold = 16.0 * f64::EPSILON * normal.chi_square;
-        if promised <= threshold {
-            break Termination::Converged {
-                promised,
-                threshold,
-            };
-        }
-        iterations += 1;
-        let next = model.moved(&step);
-        let next_normal = Normal::at(&next, matches, indices, variance);
-        if next_normal.chi_square < normal.chi_square && next_normal.used >= normal.used {
-            (model, normal) = (next, next_normal);
-            damping = (damping * 0.1).max(1e-12);
-        } else {
-            damping *= 10.0;
-            if damping > 1e8 {
-                break Termination::NoDecrease { damping };
-            }
-        }
+    let mut problem = TwoViews {
+        matches,
+        indices,
+        variance,
+        model: start.clone(),
+        normal: Normal::at(start, matches, indices, variance),
+        step: SVector::zeros(),
+        candidate: None,
     };
-    let covariance = normal.factor(&normal.information)?.inverse();
+    let control = Control {
+        damping: FIRST_DAMPING,
+        first_damping: FIRST_DAMPING,
+        max_iterations,
+    };
+    let (termination, iterations) = minimise(&mut problem, &control)?;
+    let TwoViews { model, normal, .. } = problem;
     Ok(Refined {
+        covariance: normal.factor(&normal.information)?.inverse(),
         model,
-        covariance,
         chi_square: normal.chi_square,
         degrees_of_freedom: normal.used.saturating_sub(K),
         iterations,
         termination,
     })
+}
+
+/// Damping of the first step.
+const FIRST_DAMPING: f64 = 1e-4;
+
+/// The motion being refined.
+struct TwoViews<'a, M, const K: usize> {
+    matches: &'a [Correspondence],
+    indices: &'a [usize],
+    variance: &'a Vector2<f64>,
+    model: M,
+    normal: Normal<K>,
+    step: SVector<f64, K>,
+    candidate: Option<(M, Normal<K>)>,
+}
+
+impl<M: Freedom<K>, const K: usize> Problem for TwoViews<'_, M, K> {
+    type Error = GeometryError;
+
+    fn cost(&self) -> f64 {
+        self.normal.chi_square
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Option<Model>, GeometryError> {
+        let diagonal = self.normal.information.diagonal();
+        let damped = self.normal.information + SMatrix::from_diagonal(&(diagonal * damping));
+        self.step = self.normal.factor(&damped)?.solve(&-self.normal.gradient);
+        let promised = -self.normal.gradient.dot(&self.step);
+        let scaled = diagonal.component_mul(&self.step);
+        Ok(Some(Model {
+            decrease: promised + damping * scaled.dot(&self.step),
+            length: promised.max(0.0).sqrt(),
+        }))
+    }
+
+    fn evaluate(&mut self, _model: &Model) -> Option<Trial> {
+        let model = self.model.moved(&self.step);
+        let normal = Normal::at(&model, self.matches, self.indices, self.variance);
+        // A match lost at a pair of epipoles must not count as a lower cost.
+        if normal.used < self.normal.used {
+            return None;
+        }
+        let trial = Trial::new(normal.chi_square);
+        self.candidate = Some((model, normal));
+        Some(trial)
+    }
+
+    fn accept(&mut self) -> Result<(), GeometryError> {
+        if let Some((model, normal)) = self.candidate.take() {
+            (self.model, self.normal) = (model, normal);
+        }
+        Ok(())
+    }
+
+    fn before_step(&self, model: &Model, _damping: f64) -> Option<Termination> {
+        let threshold = 16.0 * f64::EPSILON * self.normal.chi_square;
+        (model.decrease <= threshold).then_some(Termination::PredictedDecrease {
+            decrease: model.decrease,
+            threshold,
+        })
+    }
 }
 
 /// How often the matches are chosen again; a third time changes little.

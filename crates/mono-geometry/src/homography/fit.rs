@@ -17,9 +17,12 @@
 //!
 //! Source: Hartley and Zisserman (2004), algorithms 4.2 and 4.3, section 5.2.
 
+use std::convert::Infallible;
+
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::{Homography, Similarity, dehomogenize};
+use crate::least_squares::{Control, Model, Problem, Taken, Termination, Trial, minimise};
 use crate::linalg::{cholesky, svd, symmetrize};
 
 /// A 9x9 matrix over the entries of H, row by row.
@@ -28,6 +31,11 @@ type Vector9 = SVector<f64, 9>;
 
 /// A step of this length on the sphere |H| = 1 is the last one: the next would be shorter by orders of magnitude.
 const SETTLED_STEP: f64 = 1e-12;
+/// A decrease of the cost by this share is rounding.
+const SETTLED_COST: f64 = 1e-15;
+/// Damping of the first step, relative to the mean of the diagonal.
+const FIRST_DAMPING: f64 = 1e-6;
+const MAX_ITERATIONS: usize = 30;
 /// A refused step of this length changes the cost by less than its rounding errors.
 const ROUNDING_STEP: f64 = 1e-8;
 
@@ -44,7 +52,7 @@ pub struct HomographyFit {
     /// Largest over smallest of the 8 singular values of the whitened Jacobian in normalised coordinates: about 10 for
     /// a full board, growing without bound as the points approach a line.
     pub condition: f64,
-    /// Levenberg-Marquardt steps accepted.
+    /// Levenberg-Marquardt steps tried.
     pub iterations: usize,
 }
 
@@ -196,47 +204,103 @@ fn linear(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> Vector9 {
         .into_owned()
 }
 
-/// Levenberg-Marquardt from a linear start; returns the best H and the accepted steps.
+/// Levenberg-Marquardt from a linear start; returns the best H and the steps tried.
 fn refine(pairs: &[(Vector2<f64>, Vector2<f64>)], start: Vector9) -> (Vector9, usize) {
-    let mut h = start / start.norm();
-    let Some(mut current) = normal(pairs, &h) else {
+    let h = start / start.norm();
+    let Some(normal) = normal(pairs, &h) else {
         return (h, 0);
     };
-    let mut damping = 1e-6;
-    let mut iterations = 0;
-    for _ in 0..30 {
+    let mut problem = Transfer {
+        pairs,
+        h,
+        normal,
+        step: Vector9::zeros(),
+        candidate: None,
+    };
+    let control = Control {
+        damping: FIRST_DAMPING,
+        first_damping: FIRST_DAMPING,
+        max_iterations: MAX_ITERATIONS,
+    };
+    let Ok((_, iterations)) = minimise(&mut problem, &control);
+    (problem.h, iterations)
+}
+
+/// The homography being refined.
+struct Transfer<'a> {
+    pairs: &'a [(Vector2<f64>, Vector2<f64>)],
+    h: Vector9,
+    normal: Normal,
+    step: Vector9,
+    candidate: Option<(Vector9, Normal)>,
+}
+
+impl Problem for Transfer<'_> {
+    type Error = Infallible;
+
+    fn cost(&self) -> f64 {
+        self.normal.squared
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Option<Model>, Infallible> {
         // H itself is no direction: the outer product holds the step in the tangent plane of |H| = 1.
-        let scale = current.information.trace() / 8.0;
-        let mut damped = current.information + h * h.transpose() * scale;
+        let scale = self.normal.information.trace() / 8.0;
+        let mut damped = self.normal.information + self.h * self.h.transpose() * scale;
         for i in 0..9 {
             damped[(i, i)] += damping * scale;
         }
         let Ok(factor) = cholesky(&damped) else {
-            break;
+            return Ok(None);
         };
-        let step = factor.solve(&current.gradient);
-        let candidate = (h + step).normalize();
-        match normal(pairs, &candidate).filter(|next| next.squared <= current.squared) {
-            Some(next) => {
-                let gain = current.squared - next.squared;
-                h = candidate;
-                iterations += 1;
-                damping = (damping * 0.1).max(1e-12);
-                let settled = step.norm() < SETTLED_STEP || gain <= 1e-15 * current.squared;
-                current = next;
-                if settled {
-                    break;
-                }
-            }
-            None => {
-                damping *= 10.0;
-                if damping > 1e6 || step.norm() < ROUNDING_STEP {
-                    break;
-                }
-            }
-        }
+        self.step = factor.solve(&self.normal.gradient);
+        let damped = damping * scale * self.step.norm_squared();
+        Ok(Some(Model {
+            decrease: self.step.dot(&self.normal.gradient) + damped,
+            length: self.step.norm(),
+        }))
     }
-    (h, iterations)
+
+    fn evaluate(&mut self, _model: &Model) -> Option<Trial> {
+        let h = (self.h + self.step).normalize();
+        let normal = normal(self.pairs, &h)?;
+        let trial = Trial::new(normal.squared);
+        self.candidate = Some((h, normal));
+        Some(trial)
+    }
+
+    fn accept(&mut self) -> Result<(), Infallible> {
+        if let Some((h, normal)) = self.candidate.take() {
+            (self.h, self.normal) = (h, normal);
+        }
+        Ok(())
+    }
+
+    fn improves(&self, squared: f64) -> bool {
+        squared <= self.normal.squared
+    }
+
+    fn at_estimate(&self, last: Option<Taken>) -> Option<Termination> {
+        let Taken { relative, length } = last?;
+        if length < SETTLED_STEP {
+            return Some(Termination::Step {
+                length,
+                threshold: SETTLED_STEP,
+            });
+        }
+        // NaN, a cost of zero before and after, has settled too.
+        let falling = relative > SETTLED_COST;
+        (!falling).then_some(Termination::CostChange {
+            relative,
+            threshold: SETTLED_COST,
+        })
+    }
+
+    fn after_refusal(&self, model: &Model) -> Option<Termination> {
+        (model.length < ROUNDING_STEP).then_some(Termination::Step {
+            length: model.length,
+            threshold: ROUNDING_STEP,
+        })
+    }
 }
 
 struct Normal {

@@ -8,7 +8,7 @@
 //! 1. alpha, beta from the ray of the view nearest to the anchor, as if at infinity;
 //! 2. rho from the other views: each gives m x (A + rho b) = 0, with m its ray, A the anchor's ray and b the baseline in
 //!    its axes; one linear least-squares unknown;
-//! 3. Gauss-Newton, steps halved until the error falls, until a step is below 1e-6 standard deviations.
+//! 3. Gauss-Newton, damped where a step would raise the error, until a step is below 1e-6 standard deviations.
 //!
 //! No gate on parallax or chi-square: the result of a gate is no longer the Gaussian that the covariance states. Test
 //! [`Refined::chi_square`] and convert with [`InverseDepthPoint::to_euclidean_if_linear`] where needed.
@@ -20,9 +20,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::InverseDepthPoint;
 use crate::camera::Pinhole;
-use crate::linalg::{cholesky, symmetrize};
 use crate::placed_camera::PlacedCamera;
-use crate::triangulation::{Observation, Rejection, STEP_TOLERANCE_SIGMAS, check};
+use crate::structure::{NormalEquations, three_parameters};
+use crate::triangulation::{Observation, Rejection, check};
 
 /// An inverse depth point fitted to views.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,53 +56,24 @@ pub fn refine(
         .iter()
         .map(|o| PlacedCamera::new(&o.camera_from_world.inverse()))
         .collect();
-    let mut point = start(pinhole, anchor, observations, &cameras)?;
-    let mut normal = normal_equations(pinhole, observations, &cameras, &point)?;
-    let mut iterations = 0;
-    let covariance = loop {
-        let factor =
-            cholesky(&normal.information).map_err(|_singular| Rejection::ParallaxTooSmall {
-                parallax_rad: parallax(&point, &cameras),
-                required_rad: f64::MIN_POSITIVE,
-            })?;
-        let step = factor.solve(&normal.gradient);
-        let step_sigmas = step.dot(&normal.gradient).max(0.0).sqrt();
-        if step_sigmas <= STEP_TOLERANCE_SIGMAS {
-            break symmetrize(&factor.inverse());
-        }
-        let failed = Rejection::NotConverged {
-            iterations,
-            step_sigmas,
-            required_sigmas: STEP_TOLERANCE_SIGMAS,
-        };
-        if iterations >= max_iterations {
-            return Err(failed);
-        }
-        iterations += 1;
-        let mut scale = 1.0;
-        let accepted = (0..12).find_map(|_| {
-            let candidate = InverseDepthPoint::new(anchor, &(point.parameters() + step * scale));
-            scale *= 0.5;
-            normal_equations(pinhole, observations, &cameras, &candidate)
-                .ok()
-                .filter(|next| next.chi_square <= normal.chi_square * (1.0 + 1e-12))
-                .map(|next| (candidate, next))
-        });
-        (point, normal) = accepted.ok_or(failed)?;
-    };
+    let start = start(pinhole, anchor, observations, &cameras)?;
+    let at = |parameters: &Vector3<f64>| InverseDepthPoint::new(anchor, parameters);
+    let found = three_parameters(
+        &start.parameters(),
+        |parameters| normal_equations(pinhole, observations, &cameras, &at(parameters)),
+        |parameters| Rejection::ParallaxTooSmall {
+            parallax_rad: parallax(&at(parameters), &cameras),
+            required_rad: f64::MIN_POSITIVE,
+        },
+        max_iterations,
+    )?;
     Ok(Refined {
-        point,
-        covariance,
-        chi_square: normal.chi_square,
+        point: at(&found.parameters),
+        covariance: found.covariance,
+        chi_square: found.chi_square,
         degrees_of_freedom: 2 * observations.len() - 3,
-        iterations,
+        iterations: found.iterations,
     })
-}
-
-struct NormalEquations {
-    information: Matrix3<f64>,
-    gradient: Vector3<f64>,
-    chi_square: f64,
 }
 
 fn normal_equations(

@@ -24,7 +24,7 @@ mod robust;
 
 pub use estimate::{PoseFit, estimate_pose};
 pub use p3p::{P3pSolutions, p3p};
-pub use refine::{PoseEstimate, RefineOptions, Termination, refine_pose};
+pub use refine::{PoseEstimate, RefineOptions, refine_pose};
 pub use robust::{PoseSolver, RobustPose, RobustPoseOptions, estimate_pose_ransac};
 
 use nalgebra::{Vector2, Vector3};

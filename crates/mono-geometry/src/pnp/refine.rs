@@ -18,9 +18,11 @@ use nalgebra::{Matrix6, Vector6};
 use super::{Correspondence, NoPose, check};
 use crate::camera::Pinhole;
 use crate::error::GeometryError;
+use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
 use crate::linalg::{cholesky, symmetrize};
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
+use crate::structure::STEP_TOLERANCE_SIGMAS;
 
 /// How to refine.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,40 +40,6 @@ impl Default for RefineOptions {
             loss: RobustLoss::None,
             max_iterations: 50,
         }
-    }
-}
-
-/// Why the iteration ended, with what was compared.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Termination {
-    /// The undamped step is short.
-    StepSmall {
-        /// Its length in standard deviations of the estimate.
-        step_sigmas: f64,
-        /// The length that counts as settled.
-        threshold: f64,
-    },
-    /// The decrease promised by the step cannot be seen in the cost.
-    CostFlat {
-        /// Promised decrease of the cost.
-        decrease: f64,
-        /// Rounding of the cost.
-        threshold: f64,
-    },
-    /// All steps were used.
-    StepLimit {
-        /// Length of the last undamped step in standard deviations of the estimate.
-        step_sigmas: f64,
-        /// The length that would have counted as settled.
-        threshold: f64,
-    },
-}
-
-impl Termination {
-    /// Whether a minimum was reached.
-    #[must_use]
-    pub fn converged(&self) -> bool {
-        !matches!(self, Self::StepLimit { .. })
     }
 }
 
@@ -94,9 +62,10 @@ pub struct PoseEstimate {
     pub termination: Termination,
 }
 
-const STEP_TOLERANCE_SIGMAS: f64 = crate::triangulation::STEP_TOLERANCE_SIGMAS;
-/// First damping after a failed Gauss-Newton step, relative to the diagonal; below its square it is dropped again.
+/// First damping after a failed Gauss-Newton step, relative to the diagonal.
 const FIRST_DAMPING: f64 = 1e-4;
+/// Share of the cost that the rounding of the pixels can hide, in a decrease that was promised and did not come.
+const ROUNDING_TOLERANCE: f64 = 1e-11;
 
 /// The minimum of the reprojection error next to `world_from_camera`, from three points on. O(points) per step.
 ///
@@ -125,60 +94,23 @@ pub fn refine_pose(
             required: "finite",
         });
     }
-    let mut pose = *world_from_camera;
-    let evaluate = |pose: &Se3| normal_equations(pinhole, pose, correspondences, &options.loss);
-    let mut normal = evaluate(&pose)?;
-    let mut damping = 0.0;
-    let mut iterations = 0;
-    let termination = loop {
-        // At a start far away the undamped system may be singular; the end may not.
-        let undamped = cholesky(&normal.information);
-        let mut step_sigmas = f64::INFINITY;
-        if let Ok(factor) = &undamped {
-            let decrease = factor
-                .solve(&normal.gradient)
-                .dot(&normal.gradient)
-                .max(0.0);
-            step_sigmas = decrease.sqrt();
-            if step_sigmas <= STEP_TOLERANCE_SIGMAS {
-                break Termination::StepSmall {
-                    step_sigmas,
-                    threshold: STEP_TOLERANCE_SIGMAS,
-                };
-            }
-            let threshold =
-                4.0 * f64::EPSILON * normal.robust_chi_square * correspondences.len() as f64;
-            if decrease <= threshold {
-                break Termination::CostFlat {
-                    decrease,
-                    threshold,
-                };
-            }
-        } else if damping == 0.0 {
-            damping = FIRST_DAMPING;
-        }
-        if iterations >= options.max_iterations {
-            break Termination::StepLimit {
-                step_sigmas,
-                threshold: STEP_TOLERANCE_SIGMAS,
-            };
-        }
-        iterations += 1;
-        let next = step(&normal, damping).and_then(|delta| {
-            let candidate = pose.compose(&Se3::exp(&delta));
-            let next = evaluate(&candidate).ok()?;
-            (next.robust_chi_square <= normal.robust_chi_square).then_some((candidate, next))
-        });
-        if let Some(accepted) = next {
-            (pose, normal) = accepted;
-            damping *= 0.1;
-            if damping < FIRST_DAMPING * FIRST_DAMPING {
-                damping = 0.0;
-            }
-        } else {
-            damping = (10.0 * damping).max(FIRST_DAMPING);
-        }
+    let mut problem = Reprojection {
+        pinhole,
+        correspondences,
+        loss: &options.loss,
+        pose: *world_from_camera,
+        normal: normal_equations(pinhole, world_from_camera, correspondences, &options.loss)?,
+        delta: Vector6::zeros(),
+        undamped_decrease: f64::INFINITY,
+        candidate: None,
     };
+    let control = Control {
+        damping: 0.0,
+        first_damping: FIRST_DAMPING,
+        max_iterations: options.max_iterations,
+    };
+    let (termination, iterations) = minimise(&mut problem, &control)?;
+    let Reprojection { pose, normal, .. } = problem;
     let covariance = covariance(&normal.information, correspondences.len())?;
     Ok(PoseEstimate {
         world_from_camera: pose,
@@ -237,19 +169,101 @@ pub(super) fn squared_error(
         })
 }
 
+/// The pose being refined.
+struct Reprojection<'a> {
+    pinhole: &'a Pinhole,
+    correspondences: &'a [Correspondence],
+    loss: &'a RobustLoss,
+    pose: Se3,
+    normal: NormalEquations,
+    delta: Vector6<f64>,
+    /// Decrease of the sum of losses that the undamped step promises; infinite if there is none.
+    undamped_decrease: f64,
+    candidate: Option<(Se3, NormalEquations)>,
+}
+
+impl Problem for Reprojection<'_> {
+    type Error = NoPose;
+
+    fn cost(&self) -> f64 {
+        self.normal.robust_chi_square
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Option<Model>, NoPose> {
+        let NormalEquations {
+            information,
+            gradient,
+            ..
+        } = &self.normal;
+        // At a start far away the undamped system may be singular; the end may not.
+        let undamped = cholesky(information).map(|factor| factor.solve(gradient));
+        self.undamped_decrease = match &undamped {
+            Ok(step) => step.dot(gradient).max(0.0),
+            Err(_) => f64::INFINITY,
+        };
+        let step = if damping > 0.0 {
+            let mut damped = *information;
+            for k in 0..6 {
+                damped[(k, k)] *= 1.0 + damping;
+            }
+            cholesky(&damped).map(|factor| factor.solve(gradient))
+        } else {
+            undamped
+        };
+        let Ok(delta) = step else {
+            return Ok(None);
+        };
+        self.delta = delta;
+        let scaled = information.diagonal().component_mul(&delta);
+        Ok(Some(Model {
+            decrease: delta.dot(gradient) + damping * scaled.dot(&delta),
+            length: self.undamped_decrease.sqrt(),
+        }))
+    }
+
+    fn evaluate(&mut self, _model: &Model) -> Option<Trial> {
+        let pose = self.pose.compose(&Se3::exp(&self.delta));
+        let normal = normal_equations(self.pinhole, &pose, self.correspondences, self.loss).ok()?;
+        let trial = Trial::new(normal.robust_chi_square);
+        self.candidate = Some((pose, normal));
+        Some(trial)
+    }
+
+    fn accept(&mut self) -> Result<(), NoPose> {
+        if let Some((pose, normal)) = self.candidate.take() {
+            (self.pose, self.normal) = (pose, normal);
+        }
+        Ok(())
+    }
+
+    fn before_step(&self, model: &Model, _damping: f64) -> Option<Termination> {
+        if model.length <= STEP_TOLERANCE_SIGMAS {
+            return Some(Termination::Step {
+                length: model.length,
+                threshold: STEP_TOLERANCE_SIGMAS,
+            });
+        }
+        let rounding = 4.0 * f64::EPSILON * self.cost() * self.correspondences.len() as f64;
+        (self.undamped_decrease <= rounding).then_some(Termination::PredictedDecrease {
+            decrease: self.undamped_decrease,
+            threshold: rounding,
+        })
+    }
+
+    fn after_refusal(&self, _model: &Model) -> Option<Termination> {
+        let threshold = ROUNDING_TOLERANCE * self.cost();
+        (self.undamped_decrease <= threshold).then_some(Termination::PredictedDecrease {
+            decrease: self.undamped_decrease,
+            threshold,
+        })
+    }
+}
+
 struct NormalEquations {
     information: Matrix6<f64>,
     gradient: Vector6<f64>,
     chi_square: f64,
     robust_chi_square: f64,
-}
-
-fn step(normal: &NormalEquations, damping: f64) -> Option<Vector6<f64>> {
-    let mut damped = normal.information;
-    for k in 0..6 {
-        damped[(k, k)] *= 1.0 + damping;
-    }
-    Some(cholesky(&damped).ok()?.solve(&normal.gradient))
 }
 
 fn normal_equations(

@@ -7,7 +7,7 @@
 //! 1. the angle between the rays must reach the minimal parallax;
 //! 2. start at the point nearest to all rays ([`midpoint`]), or, if that is behind a camera, at the linear solution
 //!    ([`linear`]);
-//! 3. Gauss-Newton on the reprojection error sum |pixel - project|^2 / sigma^2, steps halved until it falls;
+//! 3. Gauss-Newton on the reprojection error sum |pixel - project|^2 / sigma^2, damped where it would rise;
 //! 4. covariance (sum J^T J / sigma^2)^-1 at the solution;
 //! 5. the point must be in front of every camera, the parallax at the point above the minimum, and the remaining error
 //!    below the chi-square quantile of 2 n - 3 degrees of freedom.
@@ -25,7 +25,6 @@ mod start;
 mod two_view;
 
 pub use chi_square::chi_square_quantile;
-pub(crate) use refine::STEP_TOLERANCE_SIGMAS;
 pub use start::{linear, midpoint};
 pub use two_view::{Correction, NoCorrection, correct_match, triangulate_two_views};
 

@@ -1,21 +1,18 @@
 //! Gauss-Newton on the reprojection error of a point in n views.
 //!
 //! Minimise sum |pixel_i - project(T_i X)|^2 / sigma_i^2 over X. With the whitened Jacobian J of all pixels and residual
-//! r the step solves (J^T J) step = J^T r; it is halved until the sum does not grow. The length of a step is measured in
+//! r the step solves (J^T J) step = J^T r; a step that would raise the sum is damped. The length of a step is measured in
 //! standard deviations of the estimate, sqrt(step^T J^T J step), so one tolerance serves near and far points. At the
 //! solution (J^T J)^-1 is the covariance.
 //!
 //! Degenerate: rays without parallax make J^T J singular (refused by Cholesky with the parallax); a step behind a camera
-//! is halved like one that raises the error.
+//! is damped like one that raises the error.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Acceptance, Observation, Rejection, parallax_at};
 use crate::camera::Pinhole;
-use crate::linalg::cholesky;
-
-/// A step this short, in standard deviations of the estimate, changes nothing that matters.
-pub(crate) const STEP_TOLERANCE_SIGMAS: f64 = 1e-6;
+use crate::structure::{NormalEquations, three_parameters};
 
 /// The minimum of the reprojection error.
 pub(super) struct Minimum {
@@ -25,60 +22,25 @@ pub(super) struct Minimum {
     pub(super) iterations: usize,
 }
 
-/// Iterates from `start` until the step is below [`STEP_TOLERANCE_SIGMAS`]. O(views) per step.
+/// Iterates from `start` until the step is below 1e-6 standard deviations. O(views) per step.
 pub(super) fn refine(
     pinhole: &Pinhole,
     observations: &[Observation],
     start: &Vector3<f64>,
     acceptance: &Acceptance,
 ) -> Result<Minimum, Rejection> {
-    let mut point = *start;
-    let mut normal = normal_equations(pinhole, observations, &point)?;
-    let mut iterations = 0;
-    let covariance = loop {
-        let factor =
-            cholesky(&normal.information).map_err(|_singular| Rejection::ParallaxTooSmall {
-                parallax_rad: parallax_at(observations, &point),
-                required_rad: acceptance.min_parallax_rad,
-            })?;
-        let step = factor.solve(&normal.gradient);
-        let step_sigmas = step.dot(&normal.gradient).max(0.0).sqrt();
-        if step_sigmas <= STEP_TOLERANCE_SIGMAS {
-            break factor.inverse();
-        }
-        let failed = Rejection::NotConverged {
-            iterations,
-            step_sigmas,
-            required_sigmas: STEP_TOLERANCE_SIGMAS,
-        };
-        if iterations >= acceptance.max_iterations {
-            return Err(failed);
-        }
-        iterations += 1;
-        let mut scale = 1.0;
-        let accepted = (0..12).find_map(|_| {
-            let candidate = point + step * scale;
-            scale *= 0.5;
-            normal_equations(pinhole, observations, &candidate)
-                .ok()
-                .filter(|next| next.chi_square <= normal.chi_square * (1.0 + 1e-12))
-                .map(|next| (candidate, next))
-        });
-        (point, normal) = accepted.ok_or(failed)?;
+    let normal_at = |point: &Vector3<f64>| normal_equations(pinhole, observations, point);
+    let singular = |point: &Vector3<f64>| Rejection::ParallaxTooSmall {
+        parallax_rad: parallax_at(observations, point),
+        required_rad: acceptance.min_parallax_rad,
     };
+    let found = three_parameters(start, normal_at, singular, acceptance.max_iterations)?;
     Ok(Minimum {
-        point,
-        covariance: crate::linalg::symmetrize(&covariance),
-        chi_square: normal.chi_square,
-        iterations,
+        point: found.parameters,
+        covariance: found.covariance,
+        chi_square: found.chi_square,
+        iterations: found.iterations,
     })
-}
-
-pub(super) struct NormalEquations {
-    pub(super) information: Matrix3<f64>,
-    /// J^T r, with r = observed - predicted: the step solves information * step = gradient.
-    pub(super) gradient: Vector3<f64>,
-    pub(super) chi_square: f64,
 }
 
 pub(super) fn normal_equations(

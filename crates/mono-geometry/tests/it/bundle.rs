@@ -1,10 +1,10 @@
 //! Bundle adjustment from outside: closed forms, truth, gauge, consistency over seeds, outliers.
 
 use mono_geometry::bundle::{
-    BundlePose, OdometryFactor, Options, PlanarProblem, PosePrior, Problem, SpatialProblem,
-    Termination, adjust, covariance,
+    BundlePose, OdometryFactor, Options, PlanarProblem, PosePrior, Problem, SpatialProblem, adjust,
+    covariance,
 };
-use mono_geometry::{GeometryError, Increment, Mount, RobustLoss, Se2, Se3, so3};
+use mono_geometry::{GeometryError, Increment, Mount, RobustLoss, Se2, Se3, Termination, so3};
 use nalgebra::{DVector, Matrix3, SMatrix, SVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -400,7 +400,7 @@ fn the_cost_curve_and_the_reason_fit_together() {
         ..open
     });
     assert!(
-        matches!(one, Termination::MaxIterations { iterations: 1, relative } if relative > 0.5)
+        matches!(one, Termination::IterationLimit { iterations: 1, relative } if relative > 0.5)
     );
     assert!(!one.converged());
     assert!(matches!(
@@ -414,7 +414,7 @@ fn the_cost_curve_and_the_reason_fit_together() {
     // With no tolerance at all, rounding ends it: no step lowers the cost any more.
     assert!(matches!(
         with(Options { max_iterations: 1000, ..open }),
-        Termination::DampingOverflow { damping, limit } if damping > limit
+        Termination::Stalled { damping, limit } if damping > limit
     ));
 }
 

@@ -73,7 +73,7 @@ fn compare(name: &str, model: LensModel) {
     let case = case(name);
     assert_eq!(case.views.len(), 8);
     let ours = run(&case, model);
-    assert!(ours.termination.is_minimum(), "{:?}", ours.termination);
+    assert!(ours.termination.converged(), "{:?}", ours.termination);
     for (k, parameter) in ours.parameters.iter().enumerate() {
         let off = (parameter.value - case.parameters[k]).abs();
         assert!(

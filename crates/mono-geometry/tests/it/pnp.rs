@@ -4,11 +4,11 @@
 use crate::common::{config, gauss, look_at, pinhole};
 use mono_geometry::linalg::{cholesky, svd};
 use mono_geometry::pnp::{
-    Correspondence, NoPose, RefineOptions, RobustPoseOptions, Termination, estimate_pose,
-    estimate_pose_ransac, p3p, refine_pose,
+    Correspondence, NoPose, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac,
+    p3p, refine_pose,
 };
 use mono_geometry::ransac::{Options, Prosac, Uniform};
-use mono_geometry::{RobustLoss, Se3, so3};
+use mono_geometry::{RobustLoss, Se3, Termination, so3};
 use nalgebra::{DMatrix, Rotation3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -306,7 +306,7 @@ fn refined_poses_are_consistent() {
             }
             let found =
                 refine_pose(&pinhole(), &truth, &seen, &RefineOptions::default()).expect("valid");
-            assert!(found.termination.converged());
+            assert!(found.termination.converged(), "{:?}", found.termination);
             sum += nees(&truth, &found.world_from_camera, &found.covariance);
             chi_square += found.chi_square;
         }
@@ -411,17 +411,14 @@ fn endings_and_refusals_carry_their_numbers() {
         )
     };
     match refine(&seen, 1).expect("valid").termination {
-        Termination::StepLimit {
-            step_sigmas,
-            threshold,
-        } => assert!(step_sigmas > threshold),
+        Termination::IterationLimit {
+            iterations: 1,
+            relative,
+        } => assert!(relative > 0.5),
         other => panic!("{other:?}"),
     }
     match refine(&seen, 50).expect("valid").termination {
-        Termination::StepSmall {
-            step_sigmas,
-            threshold,
-        } => assert!(step_sigmas <= threshold),
+        Termination::Step { length, threshold } => assert!(length <= threshold),
         other => panic!("{other:?}"),
     }
     // A sigma far too small makes a cost of which the last steps are rounding.
@@ -430,7 +427,7 @@ fn endings_and_refusals_carry_their_numbers() {
         c.sigma_px = 1e-9;
     }
     match refine(&sure, 50).expect("valid").termination {
-        Termination::CostFlat {
+        Termination::PredictedDecrease {
             decrease,
             threshold,
         } => assert!(decrease <= threshold),

@@ -5,14 +5,14 @@ use mono_geometry::epipolar::eight_point::{
     EightPoint, NoFundamental, essential_from_points, fundamental_from_points, nearest_essential,
 };
 use mono_geometry::epipolar::five_point::{FivePoint, essential_from_five};
-use mono_geometry::epipolar::refine::{Freedom, Termination, refine, refine_narrowed};
+use mono_geometry::epipolar::refine::{Freedom, refine, refine_narrowed};
 use mono_geometry::epipolar::relative_pose::{
     RelativePose, Undecided, candidates, choose_pose, in_front,
 };
 use mono_geometry::epipolar::scorer::{CHI_SQUARE_95_ONE, SampsonScorer};
 use mono_geometry::epipolar::{Correspondence, essential, fundamental};
 use mono_geometry::ransac::{Options, Prosac, Stop, Uniform, ransac};
-use mono_geometry::{Pinhole, Se3, so3};
+use mono_geometry::{Pinhole, Se3, Termination, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};

@@ -29,7 +29,7 @@ fn mean_nees(
         }
         let calibration = run(&views, model);
         assert!(
-            calibration.termination.is_minimum(),
+            calibration.termination.converged(),
             "{:?}",
             calibration.termination
         );

@@ -2,9 +2,9 @@
 
 use mono_geometry::calibration::{
     Calibration, CalibrationError, CalibrationWarning, IntrinsicsStart, LensModel, SkipReason,
-    Termination, calibrate,
+    calibrate,
 };
-use mono_geometry::{Camera, Distortion, RobustLoss};
+use mono_geometry::{Camera, Distortion, RobustLoss, Termination};
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
