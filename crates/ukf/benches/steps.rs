@@ -4,7 +4,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{SMatrix, SVector};
 use std::hint::black_box;
-use ukf::{Cholesky, SigmaPoints, SquareRootUkf, Step, Ukf, UkfError};
+use ukf::{Cholesky, SigmaPoints, SquareRootUkf, Ukf};
 
 /// Each state drifts with the next one's sine: every entry of the covariance fills.
 fn drift<const L: usize>(x: &SVector<f64, L>) -> SVector<f64, L> {
@@ -16,16 +16,18 @@ fn see<const L: usize, const M: usize>(x: &SVector<f64, L>) -> SVector<f64, M> {
     SVector::from_fn(|k, _| x[k].hypot(1.0 + x[(k + 1) % L]))
 }
 
-fn step<const L: usize, const M: usize>(criterion: &mut Criterion) -> Result<(), UkfError> {
+fn step<const L: usize, const M: usize>(
+    criterion: &mut Criterion,
+) -> Result<(), Box<dyn std::error::Error>> {
     let q = SMatrix::<f64, L, L>::from_fn(|i, j| if i == j { 0.01 } else { 0.001 });
     let r = SMatrix::<f64, M, M>::from_fn(|i, j| if i == j { 0.1 } else { 0.01 });
     let start = SVector::<f64, L>::from_fn(|k, _| 0.1 * k as f64);
     let z = see::<L, M>(&start);
     let mut plain = Ukf::new(start, SMatrix::identity(), SigmaPoints::default())?;
-    let root = Cholesky::positive_definite(&SMatrix::identity(), Step::SigmaPoints)?;
+    let root = Cholesky::definite(&SMatrix::identity())?;
     let mut square_root = SquareRootUkf::new(start, root, SigmaPoints::default())?;
-    let q_root = Cholesky::positive_definite(&q, Step::Prediction)?;
-    let r_root = Cholesky::positive_definite(&r, Step::Innovation)?;
+    let q_root = Cholesky::definite(&q)?;
+    let r_root = Cholesky::definite(&r)?;
 
     criterion.bench_function(&format!("plain {L} states {M} measurements"), |bencher| {
         bencher.iter(|| {

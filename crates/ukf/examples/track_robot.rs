@@ -36,7 +36,7 @@ fn observe(pose: &Se2, beacon: Vector2<f64>) -> RangeBearing {
     let offset = beacon - Vector2::new(pose.x, pose.y);
     RangeBearing {
         range: offset.norm(),
-        bearing: Angle::new(Angle::from(offset).radians() - pose.phi.radians()),
+        bearing: Angle::new(offset.y.atan2(offset.x) - pose.phi),
     }
 }
 

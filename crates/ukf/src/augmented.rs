@@ -13,14 +13,16 @@
 //! see of f's curvature. No point moves state and noise together, so products of the two
 //! are not seen: for x (1 + w) the variance comes out as P + m^2 Q, without the P Q of the exact one.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use estimation_base::Manifold;
+use nalgebra::{ComplexField, SMatrix, SVector};
+
+use crate::covariance::{require_symmetric, semidefinite};
 use crate::error::{Step, UkfError};
-use crate::filter::{Innovation, Ukf};
-use crate::manifold::Manifold;
+use crate::filter::Ukf;
+use crate::innovation::Innovation;
 use crate::sigma_points::axis_weights;
 use crate::transform::{Transformed, mean_of_points};
 use crate::update::correct;
-use nalgebra::{SMatrix, SVector};
 
 /// Scaled sigma points for a state of dimension L with noise of dimension W.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +55,7 @@ impl<const L: usize, const W: usize> Default for AugmentedPoints<L, W> {
     fn default() -> Self {
         let dimension = (L + W) as f64;
         Self {
-            distance: crate::math::sqrt(3.0),
+            distance: ComplexField::sqrt(3.0),
             mean_weight_of_centre: 1.0 - dimension / 3.0,
             covariance_weight_of_centre: 3.0 - dimension / 3.0,
             weight: 1.0 / 6.0,
@@ -77,9 +79,9 @@ where
     X: Manifold<L>,
     Y: Manifold<M>,
 {
-    check_symmetric(noise, Step::SigmaPoints)?;
-    let state_root = *Cholesky::semidefinite(covariance, Step::SigmaPoints)?.lower();
-    let noise_root = *Cholesky::semidefinite(noise, Step::SigmaPoints)?.lower();
+    require_symmetric(noise, Step::SigmaPoints)?;
+    let state_root = *semidefinite(covariance, Step::SigmaPoints)?.lower();
+    let noise_root = *semidefinite(noise, Step::SigmaPoints)?.lower();
     let c = points.distance;
 
     let none = SVector::<f64, W>::zeros();
@@ -164,8 +166,6 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             function,
         )?;
         let update = correct(self.mean(), self.covariance(), &predicted, measurement)?;
-        let innovation = update.innovation();
-        self.set_state(update.mean, update.covariance);
-        Ok(innovation)
+        Ok(self.take(update))
     }
 }

@@ -2,7 +2,9 @@
 
 use core::fmt;
 
-/// Where in a prediction or an update something failed.
+use estimation_base::{ChiSquareError, CholeskyError};
+
+/// The place in a prediction or an update where something failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Drawing sigma points from the covariance given.
@@ -32,7 +34,7 @@ impl fmt::Display for Step {
     }
 }
 
-/// What can go wrong in a filter. A filter that returns an error has kept its state.
+/// Everything that can go wrong in a filter. A filter that returns an error has kept its state.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UkfError {
@@ -52,29 +54,13 @@ pub enum UkfError {
         /// The weight given.
         value: f64,
     },
-    /// A covariance that is not positive (semi-)definite.
-    #[error("{step}: pivot {pivot} of the covariance is {value}, a positive number required")]
-    NotPositiveDefinite {
+    /// A matrix that is no covariance: not positive (semi-)definite, not symmetric, or not finite.
+    #[error("{step}, covariance: {reason}")]
+    Covariance {
         /// Where it was met.
         step: Step,
-        /// Row of the failing pivot, from 0.
-        pivot: usize,
-        /// What was found there.
-        value: f64,
-    },
-    /// A covariance whose two triangles differ by more than rounding.
-    #[error(
-        "{step}: entries ({row}, {column}) and ({column}, {row}) of the covariance differ by {difference}, a symmetric matrix required"
-    )]
-    NotSymmetric {
-        /// Where it was met.
-        step: Step,
-        /// Row of the entry below the diagonal, from 0.
-        row: usize,
-        /// Its column.
-        column: usize,
-        /// Lower less upper entry.
-        difference: f64,
+        /// The entry or pivot at fault, with its value and the bound it missed.
+        reason: CholeskyError,
     },
     /// A workspace or a matrix given as a slice that is too short or too long.
     #[error("{what} has {given} entries, {required} required")]
@@ -86,7 +72,7 @@ pub enum UkfError {
         /// What was needed.
         required: usize,
     },
-    /// NaN or infinity in a mean, a measurement, a noise matrix or a function's value.
+    /// NaN or infinity in a mean, a measurement or a function's value.
     #[error("{step}: {what} has entries that are not finite")]
     NotFinite {
         /// Where it was met.
@@ -94,16 +80,10 @@ pub enum UkfError {
         /// Which quantity.
         what: &'static str,
     },
-    /// A probability outside (0, 1).
-    #[error("probability {value} given, a number strictly between 0 and 1 required")]
-    InvalidProbability {
-        /// The number given.
-        value: f64,
-    },
-    /// No degrees of freedom, or no sample, to judge by.
-    #[error("{what}: 0 given, at least 1 required")]
-    Empty {
-        /// What there is none of.
-        what: &'static str,
-    },
+    /// No sample to judge by.
+    #[error("0 values given, at least 1 required")]
+    NoValues,
+    /// A probability or a number of degrees of freedom for which there is no bound.
+    #[error(transparent)]
+    ChiSquare(#[from] ChiSquareError),
 }

@@ -2,7 +2,7 @@
 //!
 //! - predict: x^ = UT mean of f, P^ = UT covariance of f + Q;
 //! - update: sigma points are drawn afresh from P^, so that they spread with the
-//!   process noise; S = P_zz + R; see [`crate::update`].
+//!   process noise; S = P_zz + R; see [`crate::unscented_correction`].
 //!
 //! Using the propagated points again in the update, as is sometimes done to save a factorisation,
 //! leaves Q out of S and out of the gain.
@@ -10,13 +10,15 @@
 //! Both steps return an error and keep the state for NaN, infinity, or a covariance that
 //! is not positive definite.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use estimation_base::{Manifold, symmetric};
+use nalgebra::SMatrix;
+
+use crate::covariance::{finite, require_symmetric, semidefinite};
 use crate::error::{Step, UkfError};
-use crate::manifold::Manifold;
+use crate::innovation::Innovation;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::Images;
-use crate::update::{symmetric, unscented_correction};
-use nalgebra::{SMatrix, SVector};
+use crate::update::{Update, unscented_correction};
 
 /// A Gaussian state and its sigma points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,38 +28,20 @@ pub struct Ukf<X, const L: usize> {
     set: SigmaPoints<L>,
 }
 
-/// How well a measurement fitted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Innovation<const M: usize> {
-    /// z - z^, in the tangent at z^.
-    pub innovation: SVector<f64, M>,
-    /// S, measurement noise included.
-    pub covariance: SMatrix<f64, M, M>,
-    /// Normalised innovation squared.
-    pub nis: f64,
-    /// log N(z; z^, S).
-    pub log_likelihood: f64,
-}
-
 impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// A filter starting at (`mean`, `covariance`); rounding is symmetrised away.
     ///
     /// # Errors
-    /// [`UkfError::NotFinite`], [`UkfError::NotSymmetric`], or [`UkfError::NotPositiveDefinite`] for an indefinite covariance.
+    /// [`UkfError::NotFinite`] for the mean, [`UkfError::Covariance`] for a matrix that is no covariance.
     pub fn new(
         mean: X,
         covariance: SMatrix<f64, L, L>,
         set: SigmaPoints<L>,
     ) -> Result<Self, UkfError> {
-        check_symmetric(&covariance, Step::SigmaPoints)?;
+        require_symmetric(&covariance, Step::SigmaPoints)?;
         let covariance = symmetric(&covariance);
-        Cholesky::semidefinite(&covariance, Step::SigmaPoints)?;
-        if !mean.local(&mean).iter().all(|entry| entry.is_finite()) {
-            return Err(UkfError::NotFinite {
-                step: Step::SigmaPoints,
-                what: "the mean",
-            });
-        }
+        semidefinite(&covariance, Step::SigmaPoints)?;
+        finite(mean.local(&mean), Step::SigmaPoints, "the mean")?;
         Ok(Self {
             mean,
             covariance,
@@ -86,8 +70,8 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         process_noise: &SMatrix<f64, L, L>,
         mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
-        check_symmetric(process_noise, Step::Prediction)?;
-        let root = Cholesky::semidefinite(&self.covariance, Step::SigmaPoints)?;
+        require_symmetric(process_noise, Step::Prediction)?;
+        let root = semidefinite(&self.covariance, Step::SigmaPoints)?;
         let images = Images::new(&self.mean, root.lower(), &self.set, &mut function)?;
         let covariance = images.covariance(&self.set) + process_noise;
         self.move_to(images.mean, &covariance)
@@ -111,9 +95,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             measurement_noise,
             function,
         )?;
-        let innovation = update.innovation();
-        self.set_state(update.mean, update.covariance);
-        Ok(innovation)
+        Ok(self.take(update))
     }
 
     /// The sigma points.
@@ -127,9 +109,15 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         covariance: &SMatrix<f64, L, L>,
     ) -> Result<(), UkfError> {
         let covariance = symmetric(covariance);
-        Cholesky::semidefinite(&covariance, Step::Prediction)?;
+        semidefinite(&covariance, Step::Prediction)?;
         self.set_state(mean, covariance);
         Ok(())
+    }
+
+    /// Takes the state of an update, and returns how well the measurement fitted.
+    pub(crate) fn take<const M: usize>(&mut self, update: Update<X, L, M>) -> Innovation<M> {
+        self.set_state(update.mean, update.covariance);
+        update.innovation
     }
 
     /// Both are known to be finite, the covariance symmetric and positive semidefinite.

@@ -1,13 +1,15 @@
 //! Innovation gating: a measurement too far from its prediction is not taken in.
 //!
 //! For a consistent filter nis = (z - z^)^T S^-1 (z - z^) is chi-square with M degrees of freedom. A bound of
-//! [`crate::chi_square_quantile`]`(0.99, M)` refuses one good measurement in a hundred (9.21 for M = 2, 11.34 for 3).
+//! [`crate::chi_square_quantile`]`(M, 0.99)` refuses one good measurement in a hundred (9.21 for M = 2, 11.34 for 3).
+
+use estimation_base::Manifold;
+use nalgebra::SMatrix;
 
 use crate::error::UkfError;
-use crate::filter::{Innovation, Ukf};
-use crate::manifold::Manifold;
+use crate::filter::Ukf;
+use crate::innovation::Innovation;
 use crate::update::unscented_correction;
-use nalgebra::SMatrix;
 
 /// A measurement against its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +64,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             function,
         )?;
         let gate = Gate {
-            innovation: update.innovation(),
+            innovation: update.innovation,
             bound,
         };
         if gate.accepted() {

@@ -16,15 +16,14 @@
 //! for vanishing spread): the outcome says whether it came about. P must be positive definite. On a
 //! manifold the small change of tangent between m and m_j is neglected.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use estimation_base::{Cholesky, Manifold, symmetric};
+use nalgebra::{ComplexField, SMatrix};
+
+use crate::covariance::{check_posterior, definite, finite, require_symmetric};
 use crate::error::{Step, UkfError};
-use crate::filter::{Innovation, Ukf};
-use crate::manifold::Manifold;
-use crate::math::{ln, sqrt};
+use crate::filter::Ukf;
+use crate::innovation::Innovation;
 use crate::transform::unscented_transform;
-use crate::update::{check_posterior, symmetric};
-use core::f64::consts::TAU;
-use nalgebra::SMatrix;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +43,7 @@ impl Default for Iterations {
     }
 }
 
-/// What an iterated update came to.
+/// The outcome of an iterated update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Iterated<const M: usize> {
     /// By the last linearisation.
@@ -59,7 +58,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// Takes in a measurement z = h(x) + noise, linearised where the posterior lies.
     ///
     /// # Errors
-    /// [`UkfError::NotPositiveDefinite`] for a prior that is only semidefinite, otherwise as
+    /// [`UkfError::Covariance`] for a prior that is only semidefinite, otherwise as
     /// [`Ukf::update`]; the state is then unchanged.
     pub fn update_iterated<Z: Manifold<M>, const M: usize>(
         &mut self,
@@ -68,27 +67,22 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         iterations: &Iterations,
         mut function: impl FnMut(&X) -> Z,
     ) -> Result<Iterated<M>, UkfError> {
-        check_symmetric(measurement_noise, Step::Innovation)?;
+        require_symmetric(measurement_noise, Step::Innovation)?;
         let prior = self.covariance();
         let (mut mean, mut covariance) = (self.mean().clone(), *prior);
         let mut rounds = 0;
         loop {
             rounds += 1;
-            let root = Cholesky::positive_definite(&covariance, Step::SigmaPoints)?;
+            let root = definite(&covariance, Step::SigmaPoints)?;
             let predicted =
                 unscented_transform(&mean, &covariance, self.sigma_points(), &mut function)?;
             let slope = root.solve(&predicted.cross_covariance).transpose();
             let rest = predicted.covariance - slope * covariance * slope.transpose();
             let s = slope * prior * slope.transpose() + rest + measurement_noise;
             let s = symmetric(&s);
-            let factor = Cholesky::positive_definite(&s, Step::Innovation)?;
+            let factor = definite(&s, Step::Innovation)?;
             let innovation = predicted.mean.local(measurement) - slope * mean.local(self.mean());
-            if !innovation.iter().all(|entry| entry.is_finite()) {
-                return Err(UkfError::NotFinite {
-                    step: Step::Innovation,
-                    what: "the measurement",
-                });
-            }
+            let innovation = finite(innovation, Step::Innovation, "the measurement")?;
             let gain = factor.solve(&(slope * prior)).transpose();
             let next = self.mean().retract(&(gain * innovation));
             let reduced = symmetric(&(prior - gain * s * gain.transpose()));
@@ -96,21 +90,15 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
 
             let moved = mean.local(&next);
             // a semidefinite posterior has no lengths: go on to the last round
-            let length = Cholesky::positive_definite(&reduced, Step::Posterior)
-                .map_or(f64::INFINITY, |root| sqrt(root.mahalanobis_squared(&moved)));
+            let length = Cholesky::definite(&reduced).map_or(f64::INFINITY, |root| {
+                ComplexField::sqrt(root.mahalanobis_squared(&moved))
+            });
             (mean, covariance) = (next, reduced);
             let converged = length <= iterations.tolerance;
             if converged || rounds >= iterations.at_most {
-                let nis = factor.mahalanobis_squared(&innovation);
                 self.set_state(mean, covariance);
                 return Ok(Iterated {
-                    innovation: Innovation {
-                        innovation,
-                        covariance: s,
-                        nis,
-                        log_likelihood: -0.5
-                            * (nis + factor.log_determinant() + M as f64 * ln(TAU)),
-                    },
+                    innovation: Innovation::new(innovation, s, &factor),
                     rounds,
                     converged,
                 });

@@ -8,9 +8,8 @@
 //!   1 - |p|^2 > 0; the rotations then run backwards (LINPACK's `dchdd`: Dongarra et al. 1979, ch. 10;
 //!   Stewart 1979 for its stability).
 
-use crate::error::{Step, UkfError};
-use crate::math::sqrt;
-use nalgebra::{SMatrix, SVector};
+use estimation_base::CholeskyError;
+use nalgebra::{ComplexField, SMatrix, SVector};
 
 /// Adds `vector vector^T` to L L^T.
 pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector: SVector<f64, N>) {
@@ -32,13 +31,12 @@ pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector:
 /// Takes `vector vector^T` from L L^T; `lower` is unchanged after an error.
 ///
 /// # Errors
-/// [`UkfError::NotPositiveDefinite`] with the first row at which nothing is left, and 1 - |p|^2 up to
+/// [`CholeskyError::NotPositiveDefinite`] with the first row at which nothing is left, and 1 - |p|^2 up to
 /// there (of the variance that L held).
 pub(crate) fn downdate<const N: usize>(
     lower: &mut SMatrix<f64, N, N>,
     vector: &SVector<f64, N>,
-    step: Step,
-) -> Result<(), UkfError> {
+) -> Result<(), CholeskyError> {
     let mut p = *vector;
     let mut left = 1.0;
     for row in 0..N {
@@ -52,15 +50,15 @@ pub(crate) fn downdate<const N: usize>(
         left -= p[row] * p[row];
         // also false for the NaN or infinity of a zero diagonal
         if !(left > 0.0 && left.is_finite()) {
-            return Err(UkfError::NotPositiveDefinite {
-                step,
+            return Err(CholeskyError::NotPositiveDefinite {
                 pivot: row,
                 value: left,
+                required: 0.0,
             });
         }
     }
     let mut rotations = [(1.0, 0.0); N];
-    let mut alpha = sqrt(left);
+    let mut alpha = ComplexField::sqrt(left);
     for row in (0..N).rev() {
         let (cos, sin, length) = rotation(alpha, p[row]);
         rotations[row] = (cos, sin);
@@ -82,7 +80,7 @@ pub(crate) fn downdate<const N: usize>(
 fn rotation(x: f64, y: f64) -> (f64, f64, f64) {
     let scale = x.abs() + y.abs();
     let (a, b) = (x / scale, y / scale);
-    let length = sqrt(a * a + b * b);
+    let length = ComplexField::sqrt(a * a + b * b);
     (a / length, b / length, scale * length)
 }
 
@@ -123,7 +121,7 @@ mod tests {
             if rank == 2 {
                 let left = 1.0 / (1.0 + v.dot(&product.lu().solve(&v).unwrap_or(v * 1e9)));
                 if left > 1e-3 {
-                    downdate(&mut lower, &v, Step::Posterior).unwrap();
+                    downdate(&mut lower, &v).unwrap();
                     prop_assert!((lower * lower.transpose() - product).amax() < tolerance / left);
                     prop_assert!((lower - before).amax() < 1e-6 * before.amax());
                 }
@@ -137,11 +135,9 @@ mod tests {
         let mut changed = lower;
         // p = (0.6, 0.9, ..): 1 - 0.36 - 0.81 = -0.17 in row 1
         let v = Vector3::new(0.6, 0.3 + 1.8, 1.0);
-        match downdate(&mut changed, &v, Step::Posterior) {
-            Err(UkfError::NotPositiveDefinite {
-                step: Step::Posterior,
-                pivot: 1,
-                value,
+        match downdate(&mut changed, &v) {
+            Err(CholeskyError::NotPositiveDefinite {
+                pivot: 1, value, ..
             }) => assert!((value + 0.17).abs() < 1e-15),
             other => panic!("{other:?}"),
         }
@@ -150,12 +146,12 @@ mod tests {
         let mut flat = Matrix3::from_diagonal(&Vector3::new(1.0, 0.0, 1.0));
         let along = Vector3::new(0.0, 1e-9, 0.0);
         assert!(matches!(
-            downdate(&mut flat, &along, Step::Prediction),
-            Err(UkfError::NotPositiveDefinite { pivot: 1, .. })
+            downdate(&mut flat, &along),
+            Err(CholeskyError::NotPositiveDefinite { pivot: 1, .. })
         ));
         let nan = Vector3::new(0.0, 0.0, f64::NAN);
-        assert!(downdate(&mut flat, &nan, Step::Prediction).is_err());
-        downdate(&mut flat, &Vector3::new(0.6, 0.0, 0.0), Step::Prediction).unwrap();
+        assert!(downdate(&mut flat, &nan).is_err());
+        downdate(&mut flat, &Vector3::new(0.6, 0.0, 0.0)).unwrap();
         assert!((flat[(0, 0)] - 0.8).abs() < 1e-15);
     }
 }

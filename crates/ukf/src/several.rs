@@ -18,15 +18,18 @@
 //!
 //! On a manifold the small change of tangent between x and x' is neglected.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use core::f64::consts::TAU;
+
+use estimation_base::{Manifold, cholesky_in_place, symmetric};
+use nalgebra::{ComplexField, DMatrixViewMut, SMatrix, SVector};
+
+use crate::covariance::{
+    check_posterior, definite, finite, in_step, require_symmetric, semidefinite,
+};
 use crate::error::{Step, UkfError};
 use crate::filter::Ukf;
-use crate::manifold::Manifold;
-use crate::math::{ln, sqrt};
+use crate::innovation::log_normaliser;
 use crate::transform::{Images, unscented_transform};
-use crate::update::{check_posterior, symmetric};
-use core::f64::consts::TAU;
-use nalgebra::{SMatrix, SVector};
 
 /// A measurement of one block and its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,37 +85,41 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// Takes in all blocks at once in the information form; `function`(x, k) predicts block k.
     ///
     /// # Errors
-    /// [`UkfError::NotPositiveDefinite`] for a prior that is only semidefinite or a block whose
+    /// [`UkfError::Covariance`] for a prior that is only semidefinite or a block whose
     /// noise is not positive definite, otherwise as [`Ukf::update`]; the state is then unchanged.
     pub fn update_information<Z: Manifold<M>, const M: usize>(
         &mut self,
         measurements: &[Measured<Z, M>],
         mut function: impl FnMut(&X, usize) -> Z,
     ) -> Result<JointFit, UkfError> {
-        let prior = Cholesky::positive_definite(self.covariance(), Step::SigmaPoints)?;
+        let prior = definite(self.covariance(), Step::SigmaPoints)?;
         let mut fit = JointFit::of_rows(measurements.len() * M);
         // in units of the prior's root: x = m + S t, t ~ N(0, I) before
         let mut information = SMatrix::<f64, L, L>::identity();
         let mut vector = SVector::<f64, L>::zeros();
         for (k, measured) in measurements.iter().enumerate() {
-            check_symmetric(&measured.noise, Step::Innovation)?;
+            require_symmetric(&measured.noise, Step::Innovation)?;
             let predicted =
                 unscented_transform(self.mean(), self.covariance(), self.sigma_points(), |x| {
                     function(x, k)
                 })?;
-            let innovation = finite(predicted.mean.local(&measured.value))?;
+            let innovation = finite(
+                predicted.mean.local(&measured.value),
+                Step::Innovation,
+                "the measurement",
+            )?;
             // columns of slope^T: S^-1 P_xz = S^T H^T
             let slope = prior.whiten(&predicted.cross_covariance);
             let rest = predicted.covariance - slope.transpose() * slope + measured.noise;
-            let rest = Cholesky::positive_definite(&symmetric(&rest), Step::Innovation)?;
+            let rest = definite(&symmetric(&rest), Step::Innovation)?;
             let weighted = rest.solve(&slope.transpose());
             information += slope * weighted;
             vector += weighted.transpose() * innovation;
             fit.nis += rest.mahalanobis_squared(&innovation);
-            fit.log_likelihood -= 0.5 * (rest.log_determinant() + M as f64 * ln(TAU));
+            fit.log_likelihood -= 0.5 * log_normaliser(&rest);
         }
         // det S = det I' prod det O_k and the inversion lemma, without forming S
-        let information = Cholesky::positive_definite(&symmetric(&information), Step::Posterior)?;
+        let information = definite(&symmetric(&information), Step::Posterior)?;
         fit.nis -= information.mahalanobis_squared(&vector);
         fit.log_likelihood -= 0.5 * (fit.nis + information.log_determinant());
 
@@ -148,14 +155,19 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         let (cross, rest) = rest.split_at_mut(rows * L);
         let (innovation, deviations) = rest.split_at_mut(rows);
         s.copy_from_slice(noise);
-        check_symmetric_rows(s, rows)?;
+        let mut s = DMatrixViewMut::from_slice(s, rows, rows);
+        require_symmetric(&s, Step::Innovation)?;
         cross.fill(0.0);
 
-        let root = Cholesky::semidefinite(self.covariance(), Step::SigmaPoints)?;
+        let root = semidefinite(self.covariance(), Step::SigmaPoints)?;
         let set = *self.sigma_points();
         for (k, measured) in measurements.iter().enumerate() {
             let images = Images::new(self.mean(), root.lower(), &set, &mut |x| function(x, k))?;
-            let difference = finite(images.mean.local(measured))?;
+            let difference = finite(
+                images.mean.local(measured),
+                Step::Innovation,
+                "the measurement",
+            )?;
             innovation[k * M..(k + 1) * M].copy_from_slice(difference.as_slice());
             for index in 0..set.count() {
                 let first = index * rows + k * M;
@@ -173,24 +185,24 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
                     cross[row * L + column] += weighted * tangent[column];
                 }
                 for column in 0..=row {
-                    s[row * rows + column] += weighted * deviation[column];
+                    s[(row, column)] += weighted * deviation[column];
                 }
             }
         }
-        factorise_rows(s, rows)?;
+        cholesky_in_place(&mut s).map_err(in_step(Step::Innovation))?;
         // whiten e and P_zx in place: K e = B^T y, K S K^T = B^T B
         let mut fit = JointFit::of_rows(rows);
         let mut correction = SVector::<f64, L>::zeros();
         let mut reduction = SMatrix::<f64, L, L>::zeros();
         for row in 0..rows {
             for before in 0..row {
-                let factor = s[row * rows + before];
+                let factor = s[(row, before)];
                 innovation[row] -= factor * innovation[before];
                 for column in 0..L {
                     cross[row * L + column] -= factor * cross[before * L + column];
                 }
             }
-            let pivot = s[row * rows + row];
+            let pivot = s[(row, row)];
             innovation[row] /= pivot;
             for entry in &mut cross[row * L..(row + 1) * L] {
                 *entry /= pivot;
@@ -199,7 +211,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             correction += column * innovation[row];
             reduction += column * column.transpose();
             fit.nis += innovation[row] * innovation[row];
-            fit.log_likelihood -= ln(pivot) + 0.5 * ln(TAU);
+            fit.log_likelihood -= ComplexField::ln(pivot) + 0.5 * ComplexField::ln(TAU);
         }
         fit.log_likelihood -= 0.5 * fit.nis;
         let covariance = symmetric(&(self.covariance() - reduction));
@@ -217,68 +229,6 @@ impl JointFit {
             log_likelihood: 0.0,
         }
     }
-}
-
-fn finite<const M: usize>(innovation: SVector<f64, M>) -> Result<SVector<f64, M>, UkfError> {
-    if innovation.iter().all(|entry| entry.is_finite()) {
-        Ok(innovation)
-    } else {
-        Err(UkfError::NotFinite {
-            step: Step::Innovation,
-            what: "the measurement",
-        })
-    }
-}
-
-/// [`check_symmetric`] for `rows` rows of a slice.
-fn check_symmetric_rows(matrix: &[f64], rows: usize) -> Result<(), UkfError> {
-    for row in 1..rows {
-        for column in 0..row {
-            let difference = matrix[row * rows + column] - matrix[column * rows + row];
-            let scale = (matrix[row * rows + row] * matrix[column * rows + column]).abs();
-            if difference * difference > f64::EPSILON * scale {
-                return Err(UkfError::NotSymmetric {
-                    step: Step::Innovation,
-                    row,
-                    column,
-                    difference,
-                });
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The lower factor in place of the lower triangle; pivots as in [`Cholesky`].
-fn factorise_rows(matrix: &mut [f64], rows: usize) -> Result<(), UkfError> {
-    for column in 0..rows {
-        for row in column..rows {
-            let mut sum = matrix[row * rows + column];
-            for before in 0..column {
-                sum -= matrix[row * rows + before] * matrix[column * rows + before];
-            }
-            if row > column {
-                matrix[row * rows + column] = sum / matrix[column * rows + column];
-                continue;
-            }
-            let rounding = rows as f64 * f64::EPSILON * matrix[row * rows + row].abs();
-            if !sum.is_finite() {
-                return Err(UkfError::NotFinite {
-                    step: Step::Innovation,
-                    what: "the covariance",
-                });
-            }
-            if sum <= rounding {
-                return Err(UkfError::NotPositiveDefinite {
-                    step: Step::Innovation,
-                    pivot: row,
-                    value: sum,
-                });
-            }
-            matrix[row * rows + row] = sqrt(sum);
-        }
-    }
-    Ok(())
 }
 
 fn check_length(

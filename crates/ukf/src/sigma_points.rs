@@ -23,9 +23,9 @@
 //! report as an error and never return. A very small alpha (1e-3 is often
 //! seen) makes W_0 about -1e6 and costs six digits; the default here is alpha = 1.
 
+use nalgebra::{ComplexField, SMatrix, SVector};
+
 use crate::error::UkfError;
-use crate::math::sqrt;
-use nalgebra::{SMatrix, SVector};
 
 /// Unit offsets and weights of a set of sigma points in L dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,11 +134,11 @@ impl<const L: usize> SigmaPoints<L> {
             Kind::Axes(distance) if index <= L => offset[index - 1] = distance,
             Kind::Axes(distance) => offset[index - 1 - L] = -distance,
             Kind::Simplex => {
-                // row j (from 1) of Julier's recursion: corners up to j share -1/sqrt(j (j + 1) w),
+                // row j (from 1) of Julier's recursion: corners up to j share -1/ComplexField::sqrt(j (j + 1) w),
                 // corner j + 1 has j times that with the other sign, later corners 0
                 for row in 0..L {
                     let j = row as f64 + 1.0;
-                    let share = 1.0 / sqrt(j * (j + 1.0) * self.weight);
+                    let share = 1.0 / ComplexField::sqrt(j * (j + 1.0) * self.weight);
                     if index <= row + 1 {
                         offset[row] = -share;
                     } else if index == row + 2 {
@@ -163,7 +163,7 @@ impl<const L: usize> SigmaPoints<L> {
     fn axes(spread: f64, extra_covariance_weight: f64) -> Self {
         let mean_weight_of_centre = (spread - L as f64) / spread;
         Self {
-            kind: Kind::Axes(sqrt(spread)),
+            kind: Kind::Axes(ComplexField::sqrt(spread)),
             mean_weight_of_centre,
             covariance_weight_of_centre: mean_weight_of_centre + extra_covariance_weight,
             weight: 0.5 / spread,
@@ -195,14 +195,14 @@ pub(crate) fn axis_weights(
     }
     let mean_of_centre = (spread - dimension as f64) / spread;
     Ok(AxisWeights {
-        distance: sqrt(spread),
+        distance: ComplexField::sqrt(spread),
         mean_of_centre,
         covariance_of_centre: mean_of_centre + (1.0 - alpha * alpha + beta),
         other: 0.5 / spread,
     })
 }
 
-/// alpha 1, beta 2, kappa 3 - L: spread sqrt(3) in every dimension, no negative weight in
+/// alpha 1, beta 2, kappa 3 - L: spread ComplexField::sqrt(3) in every dimension, no negative weight in
 /// covariances for L <= 9 and none in means for L <= 3.
 impl<const L: usize> Default for SigmaPoints<L> {
     fn default() -> Self {

@@ -13,13 +13,13 @@
 //! (m_k, P_k) after each update. On a manifold m_(k+1)^s - x^- is the tangent at x^-, taken
 //! as one at m_(k+1)^s for the covariances.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use estimation_base::{Manifold, symmetric};
+use nalgebra::SMatrix;
+
+use crate::covariance::{check_posterior, definite, finite, require_symmetric};
 use crate::error::{Step, UkfError};
-use crate::manifold::Manifold;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::unscented_transform;
-use crate::update::{check_posterior, symmetric};
-use nalgebra::SMatrix;
 
 /// A Gaussian state at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub struct Estimate<X, const L: usize> {
 ///
 /// # Errors
 /// [`UkfError::Length`] for slices of different lengths; as [`unscented_transform`] for a filtered state;
-/// [`UkfError::NotPositiveDefinite`] for a predicted covariance that is only semidefinite. States after
+/// [`UkfError::Covariance`] for a predicted covariance that is only semidefinite. States after
 /// the failing one are then smoothed, `filtered` is as it was.
 pub fn rts_smooth<X: Manifold<L>, const L: usize>(
     filtered: &[Estimate<X, L>],
@@ -62,12 +62,12 @@ pub fn rts_smooth<X: Manifold<L>, const L: usize>(
     smoothed[filtered.len() - 1] = later.clone();
     for k in (0..filtered.len() - 1).rev() {
         let now = &filtered[k];
-        check_symmetric(&now.covariance, Step::SigmaPoints)?;
+        require_symmetric(&now.covariance, Step::SigmaPoints)?;
         let noise = process_noise(k);
-        check_symmetric(&noise, Step::Prediction)?;
+        require_symmetric(&noise, Step::Prediction)?;
         let predicted = unscented_transform(&now.mean, &now.covariance, set, |x| transition(k, x))?;
         let covariance = symmetric(&(predicted.covariance + noise));
-        let root = Cholesky::positive_definite(&covariance, Step::Prediction)?;
+        let root = definite(&covariance, Step::Prediction)?;
         let gain = root
             .solve(&predicted.cross_covariance.transpose())
             .transpose();
@@ -80,17 +80,8 @@ pub fn rts_smooth<X: Manifold<L>, const L: usize>(
             mean: now.mean.retract(&correction),
             covariance: symmetric(&(kept + carried)),
         };
-        if !later
-            .mean
-            .local(&later.mean)
-            .iter()
-            .all(|entry| entry.is_finite())
-        {
-            return Err(UkfError::NotFinite {
-                step: Step::Posterior,
-                what: "the smoothed mean",
-            });
-        }
+        let still = later.mean.local(&later.mean);
+        finite(still, Step::Posterior, "the smoothed mean")?;
         smoothed[k] = later.clone();
     }
     Ok(())

@@ -20,16 +20,15 @@
 //! Noise is given as its factor ([`Cholesky`]), made once. Cost of a step: (2 L + 1) calls of the
 //! function and about 4 L^3 multiplications.
 
-use crate::cholesky::Cholesky;
+use estimation_base::{Cholesky, CholeskyError, Manifold};
+use nalgebra::{ComplexField, SMatrix, SVector};
+
+use crate::covariance::{finite, in_step};
 use crate::error::{Step, UkfError};
-use crate::filter::Innovation;
-use crate::manifold::Manifold;
-use crate::math::{ln, sqrt};
+use crate::innovation::Innovation;
 use crate::rank_one::{downdate, update};
 use crate::sigma_points::SigmaPoints;
 use crate::transform::Images;
-use core::f64::consts::TAU;
-use nalgebra::{SMatrix, SVector};
 
 /// A Gaussian state, its covariance by its Cholesky factor, and its sigma points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,12 +44,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     /// # Errors
     /// [`UkfError::NotFinite`] for the mean.
     pub fn new(mean: X, root: Cholesky<L>, set: SigmaPoints<L>) -> Result<Self, UkfError> {
-        if !mean.local(&mean).iter().all(|entry| entry.is_finite()) {
-            return Err(UkfError::NotFinite {
-                step: Step::SigmaPoints,
-                what: "the mean",
-            });
-        }
+        finite(mean.local(&mean), Step::SigmaPoints, "the mean")?;
         Ok(Self { mean, root, set })
     }
 
@@ -72,7 +66,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     /// Moves the state by x' = f(x) + noise (in the tangent at the new mean).
     ///
     /// # Errors
-    /// [`UkfError::NotFinite`] for a value of the function; [`UkfError::NotPositiveDefinite`] if the
+    /// [`UkfError::NotFinite`] for a value of the function; [`UkfError::Covariance`] if the
     /// centre's negative weight takes more than the other points hold. The state is then unchanged.
     pub fn predict(
         &mut self,
@@ -85,7 +79,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
             process_noise.lower(),
             Step::Prediction,
         )?;
-        self.root = Cholesky::from_lower(&lower, Step::Prediction)?;
+        self.root = Cholesky::from_lower(&lower).map_err(in_step(Step::Prediction))?;
         self.mean = images.mean;
         Ok(())
     }
@@ -94,7 +88,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     ///
     /// # Errors
     /// [`UkfError::NotFinite`] for the measurement or a value of the function;
-    /// [`UkfError::NotPositiveDefinite`] for an innovation without variance in some direction, or if
+    /// [`UkfError::Covariance`] for an innovation without variance in some direction, or if
     /// the centre's negative weight takes more than the other points hold. The state is then unchanged.
     pub fn update<Z: Manifold<M>, const M: usize>(
         &mut self,
@@ -104,25 +98,22 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     ) -> Result<Innovation<M>, UkfError> {
         let images = Images::new(&self.mean, self.root.lower(), &self.set, &mut function)?;
         let innovation = images.mean.local(measurement);
-        if !innovation.iter().all(|entry| entry.is_finite()) {
-            return Err(UkfError::NotFinite {
-                step: Step::Innovation,
-                what: "the measurement",
-            });
-        }
+        let innovation = finite(innovation, Step::Innovation, "the measurement")?;
         let lower = self.spread(
             |index| images.difference(index),
             measurement_noise.lower(),
             Step::Innovation,
         )?;
         if let Some(pivot) = (0..M).find(|&k| lower[(k, k)] <= 0.0) {
-            return Err(UkfError::NotPositiveDefinite {
-                step: Step::Innovation,
-                pivot,
-                value: lower[(pivot, pivot)],
-            });
+            return Err(in_step(Step::Innovation)(
+                CholeskyError::NotPositiveDefinite {
+                    pivot,
+                    value: lower[(pivot, pivot)],
+                    required: 0.0,
+                },
+            ));
         }
-        let root = Cholesky::from_lower(&lower, Step::Innovation)?;
+        let root = Cholesky::from_lower(&lower).map_err(in_step(Step::Innovation))?;
 
         let tangent = |index: usize| self.set.tangent(self.root.lower(), index);
         let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
@@ -139,15 +130,9 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
             Step::Posterior,
         )?;
 
-        self.root = Cholesky::from_lower(&posterior, Step::Posterior)?;
+        self.root = Cholesky::from_lower(&posterior).map_err(in_step(Step::Posterior))?;
         self.mean = self.mean.retract(&(gain * innovation));
-        let nis = root.mahalanobis_squared(&innovation);
-        Ok(Innovation {
-            innovation,
-            covariance: root.product(),
-            nis,
-            log_likelihood: -0.5 * (nis + root.log_determinant() + M as f64 * ln(TAU)),
-        })
+        Ok(Innovation::new(innovation, root.product(), &root))
     }
 
     /// The lower factor of sum W_c d d^T + noise noise^T.
@@ -163,14 +148,14 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
         }
         for index in 1..self.set.count() {
             let weight = self.set.covariance_weight(index);
-            update(&mut lower, difference(index) * sqrt(weight));
+            update(&mut lower, difference(index) * ComplexField::sqrt(weight));
         }
         let weight = self.set.covariance_weight(0);
-        let centre = difference(0) * sqrt(weight.abs());
+        let centre = difference(0) * ComplexField::sqrt(weight.abs());
         if weight >= 0.0 {
             update(&mut lower, centre);
         } else {
-            downdate(&mut lower, &centre, step)?;
+            downdate(&mut lower, &centre).map_err(in_step(step))?;
         }
         Ok(lower)
     }

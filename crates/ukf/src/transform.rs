@@ -13,16 +13,17 @@
 //! spread of the points (bearing to something nearer than its own uncertainty). Cost: one
 //! Cholesky factorisation and one call of f per point.
 
-use crate::cholesky::Cholesky;
-use crate::error::{Step, UkfError};
-use crate::manifold::Manifold;
-use crate::sigma_points::SigmaPoints;
+use estimation_base::Manifold;
 use nalgebra::{SMatrix, SVector};
+
+use crate::covariance::{finite, semidefinite};
+use crate::error::{Step, UkfError};
+use crate::sigma_points::SigmaPoints;
 
 /// Refinements of a mean on a manifold; each squares the error, so the cap is never met.
 const MEAN_ITERATIONS: usize = 10;
 
-/// What the transform returns.
+/// The outcome of the transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transformed<Y, const L: usize, const M: usize> {
     /// Mean of f(x).
@@ -38,8 +39,8 @@ pub struct Transformed<Y, const L: usize, const M: usize> {
 /// A function that has no value at some point returns NaN there, which ends the transform.
 ///
 /// # Errors
-/// [`UkfError::NotPositiveDefinite`] for an indefinite covariance (semidefinite is accepted),
-/// [`UkfError::NotFinite`] for NaN or infinity in the mean, the covariance or a value.
+/// [`UkfError::Covariance`] for an indefinite covariance (a semidefinite one is accepted) or one that is not finite,
+/// [`UkfError::NotFinite`] for NaN or infinity in the mean or a value.
 pub fn unscented_transform<X, Y, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<f64, L, L>,
@@ -50,7 +51,7 @@ where
     X: Manifold<L>,
     Y: Manifold<M>,
 {
-    let root = Cholesky::semidefinite(covariance, Step::SigmaPoints)?;
+    let root = semidefinite(covariance, Step::SigmaPoints)?;
     let images = Images::new(mean, root.lower(), set, &mut function)?;
     let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
     for index in 0..set.count() {
@@ -147,12 +148,7 @@ pub(crate) fn mean_of_points<'a, Y: Manifold<M> + 'a, const M: usize>(
             spread += difference.norm_squared();
             offset += difference * weight;
         }
-        if !offset.iter().all(|entry| entry.is_finite()) {
-            return Err(UkfError::NotFinite {
-                step: Step::Function,
-                what: "the function's value",
-            });
-        }
+        let offset = finite(offset, Step::Function, "the function's value")?;
         center = center.retract(&offset);
         if offset.norm_squared() <= f64::EPSILON * f64::EPSILON * spread {
             break;

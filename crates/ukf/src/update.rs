@@ -5,8 +5,6 @@
 //! K = P_xz S^-1                                  (solved, not inverted)
 //! x' = x + K (z - z^)
 //! P' = P - K S K^T                               (symmetrised)
-//! nis = (z - z^)^T S^-1 (z - z^)
-//! log p(z) = -(nis + log det S + M log 2 pi) / 2
 //! ```
 //!
 //! with z^, P_zz, P_xz from the unscented transform of (x, P) through h. The paper prints the
@@ -18,15 +16,14 @@
 //! with a negative one (alpha far below 1, beta 0) it may not be, which is an error.
 //! On a manifold the small change of tangent between x and x' is neglected.
 
-use crate::cholesky::{Cholesky, check_symmetric};
+use estimation_base::{Manifold, symmetric};
+use nalgebra::{SMatrix, SVector};
+
+use crate::covariance::{check_posterior, definite, finite, require_symmetric};
 use crate::error::{Step, UkfError};
-use crate::filter::Innovation;
-use crate::manifold::Manifold;
-use crate::math::ln;
+use crate::innovation::Innovation;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::{Transformed, unscented_transform};
-use core::f64::consts::TAU;
-use nalgebra::{SMatrix, SVector};
 
 /// A Gaussian after a measurement, and how well the measurement fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,26 +32,8 @@ pub struct Update<X, const L: usize, const M: usize> {
     pub mean: X,
     /// Updated covariance, symmetric.
     pub covariance: SMatrix<f64, L, L>,
-    /// Normalised innovation squared; chi-square of M degrees of freedom for a consistent filter.
-    pub nis: f64,
-    /// log N(z; z^, S).
-    pub log_likelihood: f64,
-    /// z - z^, in the tangent at z^.
-    pub innovation: SVector<f64, M>,
-    /// S, measurement noise included.
-    pub innovation_covariance: SMatrix<f64, M, M>,
-}
-
-impl<X, const L: usize, const M: usize> Update<X, L, M> {
-    /// What a filter tells of it.
-    pub(crate) const fn innovation(&self) -> Innovation<M> {
-        Innovation {
-            innovation: self.innovation,
-            covariance: self.innovation_covariance,
-            nis: self.nis,
-            log_likelihood: self.log_likelihood,
-        }
-    }
+    /// How well the measurement fitted the Gaussian before the update.
+    pub innovation: Innovation<M>,
 }
 
 /// Updates a Gaussian vector, such as a landmark, by a measurement z = h(x) + noise of covariance R,
@@ -85,10 +64,9 @@ pub fn unscented_update<const L: usize, const M: usize>(
 /// error and leaves the Gaussian to the caller as it was.
 ///
 /// # Errors
-/// [`UkfError::NotFinite`] for NaN or infinity in mean, covariance, measurement, noise or a value
-/// of the function; [`UkfError::NotSymmetric`] for a covariance or noise that is not;
-/// [`UkfError::NotPositiveDefinite`] with step and pivot for the covariance given, for S, or for the
-/// covariance after the update.
+/// [`UkfError::NotFinite`] for NaN or infinity in mean, measurement or a value of the function;
+/// [`UkfError::Covariance`], with the step, for a covariance or noise that is not symmetric or not finite, and with the
+/// pivot where the covariance given, S, or the covariance after the update is not positive definite.
 pub fn unscented_correction<X, Z, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<f64, L, L>,
@@ -101,8 +79,8 @@ where
     X: Manifold<L>,
     Z: Manifold<M>,
 {
-    check_symmetric(covariance, Step::SigmaPoints)?;
-    check_symmetric(noise, Step::Innovation)?;
+    require_symmetric(covariance, Step::SigmaPoints)?;
+    require_symmetric(noise, Step::Innovation)?;
     let mut predicted = unscented_transform(mean, covariance, set, function)?;
     predicted.covariance += noise;
     correct(mean, covariance, &predicted, measurement)
@@ -119,49 +97,21 @@ where
     X: Manifold<L>,
     Z: Manifold<M>,
 {
-    let innovation = predicted.mean.local(measurement);
-    if !innovation.iter().all(|entry| entry.is_finite()) {
-        return Err(UkfError::NotFinite {
-            step: Step::Innovation,
-            what: "the measurement",
-        });
-    }
+    let difference = predicted.mean.local(measurement);
+    let difference = finite(difference, Step::Innovation, "the measurement")?;
     let innovation_covariance = symmetric(&predicted.covariance);
-    let factor = Cholesky::positive_definite(&innovation_covariance, Step::Innovation)?;
+    let factor = definite(&innovation_covariance, Step::Innovation)?;
 
     let gain = factor
         .solve(&predicted.cross_covariance.transpose())
         .transpose();
-    let correction = gain * innovation;
+    let correction = gain * difference;
     let reduced = covariance - gain * innovation_covariance * gain.transpose();
     let reduced = symmetric(&reduced);
     check_posterior(&reduced, covariance)?;
-
-    let nis = factor.mahalanobis_squared(&innovation);
     Ok(Update {
         mean: mean.retract(&correction),
         covariance: reduced,
-        nis,
-        log_likelihood: -0.5 * (nis + factor.log_determinant() + M as f64 * ln(TAU)),
-        innovation,
-        innovation_covariance,
+        innovation: Innovation::new(difference, innovation_covariance, &factor),
     })
-}
-
-/// (A + A^T) / 2.
-pub(crate) fn symmetric<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-    (matrix + matrix.transpose()) * 0.5
-}
-
-/// P - K S K^T rounds relative to P, not to itself: a direction measured far better than it was
-/// known may come out at zero within eps * P, and is accepted as zero.
-pub(crate) fn check_posterior<const L: usize>(
-    posterior: &SMatrix<f64, L, L>,
-    prior: &SMatrix<f64, L, L>,
-) -> Result<(), UkfError> {
-    let mut padded = *posterior;
-    for k in 0..L {
-        padded[(k, k)] += 8.0 * L as f64 * f64::EPSILON * prior[(k, k)].abs();
-    }
-    Cholesky::semidefinite(&padded, Step::Posterior).map(|_| ())
 }

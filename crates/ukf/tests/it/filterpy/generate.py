@@ -1,4 +1,4 @@
-"""Reference values of tests/val_filterpy.rs: three published examples through filterpy's UnscentedKalmanFilter.
+"""Reference values of tests/it/val_filterpy.rs: three published examples through filterpy's UnscentedKalmanFilter.
 
     pip install numpy filterpy==2.0.0
     python generate.py          # writes *.csv beside this file

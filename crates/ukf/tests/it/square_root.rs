@@ -5,8 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use ukf::{
-    Angle, AugmentedPoints, Cholesky, SigmaPoints, SquareRootUkf, Step, Ukf, UkfError,
-    augmented_transform, unscented_transform,
+    Angle, AugmentedPoints, Cholesky, CholeskyError, SigmaPoints, SquareRootUkf, Step, Ukf,
+    UkfError, augmented_transform, unscented_transform,
 };
 
 type Scalar = SMatrix<f64, 1, 1>;
@@ -37,9 +37,9 @@ fn ill_conditioned() -> IllConditioned {
 #[test]
 fn a_million_steps_stay_positive_definite() {
     let model = ill_conditioned();
-    let q = Cholesky::semidefinite(&model.q, Step::Prediction).unwrap();
-    let r = Cholesky::positive_definite(&Scalar::new(model.r), Step::Innovation).unwrap();
-    let start = Cholesky::positive_definite(&model.start, Step::SigmaPoints).unwrap();
+    let q = Cholesky::semidefinite(&model.q).unwrap();
+    let r = Cholesky::definite(&Scalar::new(model.r)).unwrap();
+    let start = Cholesky::definite(&model.start).unwrap();
     let mut filter = SquareRootUkf::new(Vector3::zeros(), start, SigmaPoints::default()).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut truth = Vector3::new(300.0, -20.0, 1.0);
@@ -100,7 +100,7 @@ fn the_plain_filter_keeps_its_promise_or_says_so() {
         assert!(covariance.iter().all(|entry| entry.is_finite()));
         assert_eq!(*covariance, covariance.transpose());
         if let Err(error) = told {
-            assert!(matches!(error, UkfError::NotPositiveDefinite { .. }));
+            assert!(matches!(error, UkfError::Covariance { .. }));
             assert!(before.covariance().iter().all(|entry| entry.is_finite()));
             return;
         }
@@ -117,9 +117,9 @@ fn on_curved_models_both_forms_agree() {
         Matrix2::new(0.1, 0.02, 0.02, 0.2),
     );
     let mut plain = Ukf::new(Angle::new(3.0), p, set).unwrap();
-    let root = |m: &Scalar| Cholesky::positive_definite(m, Step::SigmaPoints).unwrap();
+    let root = |m: &Scalar| Cholesky::definite(m).unwrap();
     let mut square_root = SquareRootUkf::new(Angle::new(3.0), root(&p), set).unwrap();
-    let r_root = Cholesky::positive_definite(&r, Step::Innovation).unwrap();
+    let r_root = Cholesky::definite(&r).unwrap();
     for step in 0..50 {
         let turn = |x: &Angle| Angle::new(x.radians() + 0.2 + 0.05 * x.radians().sin());
         let see = |x: &Angle| Vector2::new(x.radians().cos(), 2.0 * x.radians().sin());
@@ -141,8 +141,8 @@ fn on_curved_models_both_forms_agree() {
 #[test]
 fn a_failed_downdate_is_an_error_with_step_and_pivot() {
     let set = SigmaPoints::<1>::julier(-0.5).unwrap();
-    let one = Cholesky::positive_definite(&Scalar::new(1.0), Step::SigmaPoints).unwrap();
-    let tiny = Cholesky::positive_definite(&Scalar::new(1e-4), Step::Prediction).unwrap();
+    let one = Cholesky::definite(&Scalar::new(1.0)).unwrap();
+    let tiny = Cholesky::definite(&Scalar::new(1e-4)).unwrap();
     let mut filter = SquareRootUkf::new(Vector1::new(0.0), one, set).unwrap();
     let before = filter;
     // values 0, 1/2, 1/2: mean 1, deviations -1, -1/2, -1/2 of weights -1, 1, 1: variance -1/2
@@ -150,10 +150,12 @@ fn a_failed_downdate_is_an_error_with_step_and_pivot() {
         .predict(&tiny, |x| Vector1::new(x[0] * x[0]))
         .unwrap_err();
     match error {
-        UkfError::NotPositiveDefinite {
+        UkfError::Covariance {
             step: Step::Prediction,
-            pivot: 0,
-            value,
+            reason:
+                CholeskyError::NotPositiveDefinite {
+                    pivot: 0, value, ..
+                },
         } => {
             assert!((value - (1.0 - 1.0 / 0.5001)).abs() < 1e-12);
         }
@@ -164,10 +166,9 @@ fn a_failed_downdate_is_an_error_with_step_and_pivot() {
         .unwrap_err();
     assert!(matches!(
         error,
-        UkfError::NotPositiveDefinite {
+        UkfError::Covariance {
             step: Step::Innovation,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         }
     ));
     // h = x + x^2 has S = 1/2 > 0 but takes all of P and more
@@ -178,10 +179,9 @@ fn a_failed_downdate_is_an_error_with_step_and_pivot() {
         .unwrap_err();
     assert!(matches!(
         error,
-        UkfError::NotPositiveDefinite {
+        UkfError::Covariance {
             step: Step::Posterior,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         }
     ));
     assert_eq!(filter, before);
@@ -189,9 +189,9 @@ fn a_failed_downdate_is_an_error_with_step_and_pivot() {
 
 #[test]
 fn bad_input_is_an_error_and_the_state_stays() {
-    let one = Cholesky::positive_definite(&Matrix2::identity(), Step::SigmaPoints).unwrap();
-    let r = Cholesky::positive_definite(&Scalar::new(0.1), Step::Innovation).unwrap();
-    let none = Cholesky::semidefinite(&Scalar::new(0.0), Step::Innovation).unwrap();
+    let one = Cholesky::definite(&Matrix2::identity()).unwrap();
+    let r = Cholesky::definite(&Scalar::new(0.1)).unwrap();
+    let none = Cholesky::semidefinite(&Scalar::new(0.0)).unwrap();
     let set = SigmaPoints::<2>::default();
     assert!(SquareRootUkf::new(Vector2::new(f64::NAN, 0.0), one, set).is_err());
     let mut filter = SquareRootUkf::new(Vector2::new(1.0, 2.0), one, set).unwrap();
@@ -221,30 +221,31 @@ fn bad_input_is_an_error_and_the_state_stays() {
     // a constant without noise has no innovation variance
     assert!(matches!(
         filter.update(&Vector1::new(0.0), &none, |_| Vector1::new(3.0)),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::Innovation,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         })
     ));
     assert_eq!(filter, before);
     let lower = Matrix2::new(1.0, 0.0, 0.3, -2.0);
     assert_eq!(
-        Cholesky::from_lower(&lower, Step::SigmaPoints),
-        Err(UkfError::NotPositiveDefinite {
-            step: Step::SigmaPoints,
+        Cholesky::from_lower(&lower),
+        Err(CholeskyError::NotPositiveDefinite {
             pivot: 1,
-            value: -2.0
+            value: -2.0,
+            required: 0.0
         })
     );
 
     // the plain filter refuses covariances that are not symmetric, beyond rounding
     let lopsided = Matrix2::new(1.0, 0.2, 0.1, 1.0);
-    let refused = |step| UkfError::NotSymmetric {
+    let refused = |step| UkfError::Covariance {
         step,
-        row: 1,
-        column: 0,
-        difference: 0.1 - 0.2,
+        reason: CholeskyError::NotSymmetric {
+            row: 1,
+            column: 0,
+            difference: 0.1 - 0.2,
+        },
     };
     let mean = Vector2::new(1.0, 2.0);
     assert_eq!(
@@ -333,9 +334,7 @@ fn control_noise_through_the_arc() {
 
     const DRAWS: u32 = 200_000;
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let q_root = *Cholesky::positive_definite(&q, Step::Prediction)
-        .unwrap()
-        .lower();
+    let q_root = *Cholesky::definite(&q).unwrap().lower();
     let (mut sum, mut square) = (Vector3::zeros(), Matrix3::zeros());
     for _ in 0..DRAWS {
         let x = Vector3::from_fn(|k, _| rng.sample::<f64, _>(StandardNormal) * p[(k, k)].sqrt());

@@ -32,10 +32,10 @@ impl Manifold<2> for RangeBearing {
 
 fn observe(pose: &Se2, beacon: Vector2<f64>) -> RangeBearing {
     let offset = beacon - Vector2::new(pose.x, pose.y);
-    let direction = Angle::from(offset);
+    let direction = Angle::new(offset.y.atan2(offset.x));
     RangeBearing {
         range: offset.norm(),
-        bearing: Angle::new(direction.radians() - pose.phi.radians()),
+        bearing: Angle::new(direction.radians() - pose.phi),
     }
 }
 

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use ukf::{
-    Estimate, Iterations, Manifold, Se2, SigmaPoints, Step, Ukf, UkfError, Verdict,
+    CholeskyError, Estimate, Iterations, Manifold, Se2, SigmaPoints, Step, Ukf, UkfError, Verdict,
     assess_consistency, chi_square_quantile, normalized_error_squared, rts_smooth,
     unscented_transform,
 };
@@ -191,10 +191,9 @@ fn bad_smoother_input_is_an_error() {
     };
     assert!(matches!(
         rts_smooth(&[indefinite, good], &mut out, &set, one, stay),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::SigmaPoints,
-            pivot: 1,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 1, .. }
         })
     ));
     // nothing random between the states: P^- has no inverse
@@ -204,10 +203,9 @@ fn bad_smoother_input_is_an_error() {
     };
     assert!(matches!(
         rts_smooth(&[point, good], &mut out, &set, |_| Matrix2::zeros(), stay),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::Prediction,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         })
     ));
 }
@@ -292,10 +290,9 @@ fn on_linear_models_iterating_changes_nothing() {
     let point = Ukf::new(Vector3::zeros(), Matrix3::zeros(), SigmaPoints::default()).unwrap();
     assert!(matches!(
         point.clone().update_iterated(&z, &r, &limits, |x| h * x),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::SigmaPoints,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         })
     ));
     assert_eq!(iterated, before);
@@ -303,7 +300,7 @@ fn on_linear_models_iterating_changes_nothing() {
 
 #[test]
 fn a_gate_lets_in_what_it_should() {
-    let bound = chi_square_quantile(2, 0.95).unwrap();
+    let bound = chi_square_quantile(2.0, 0.95).unwrap();
     let r = Matrix2::identity() * 0.5;
     let filter = Ukf::new(
         Vector2::zeros(),

@@ -5,8 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use ukf::{
-    AugmentedPoints, Cholesky, Measured, SigmaPoints, SquareRootUkf, Step, Ukf, UkfError,
-    stacked_workspace,
+    AugmentedPoints, Cholesky, CholeskyError, Measured, SigmaPoints, SquareRootUkf, Step, Ukf,
+    UkfError, stacked_workspace,
 };
 
 fn normal<const R: usize, const C: usize>(rng: &mut ChaCha8Rng) -> SMatrix<f64, R, C> {
@@ -71,14 +71,13 @@ fn check_size<const L: usize, const M: usize>(seed: u64) {
     let start = normal::<L, 1>(&mut rng);
     let measurements: Vec<SVector<f64, M>> = (0..10).map(|_| normal::<M, 1>(&mut rng)).collect();
     let (q_root, r_root) = (
-        Cholesky::positive_definite(&q, Step::Prediction).expect("a positive definite problem"),
-        Cholesky::positive_definite(&r, Step::Innovation).expect("a positive definite problem"),
+        Cholesky::definite(&q).expect("a positive definite problem"),
+        Cholesky::definite(&r).expect("a positive definite problem"),
     );
     for set in sets::<L>() {
         let mut plain = Ukf::new(start, p, set).expect("a positive definite problem");
         let mut augmented = plain;
-        let root = Cholesky::positive_definite(&p, Step::SigmaPoints)
-            .expect("a positive definite problem");
+        let root = Cholesky::definite(&p).expect("a positive definite problem");
         let mut square_root =
             SquareRootUkf::new(start, root, set).expect("a positive definite problem");
         let (mut mean, mut cov) = (start, p);
@@ -269,10 +268,9 @@ fn bad_blocks_name_themselves_and_change_nothing() {
     ));
     assert!(matches!(
         filter.update_information(&[good, negative], first),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::Innovation,
-            pivot: 0,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 0, .. }
         })
     ));
     let values = [good.value, good.value];
@@ -295,20 +293,21 @@ fn bad_blocks_name_themselves_and_change_nothing() {
     );
     assert!(matches!(
         filter.update_stacked(&values, &[1.0, 0.5, 0.0, 1.0], &mut workspace, first),
-        Err(UkfError::NotSymmetric {
+        Err(UkfError::Covariance {
             step: Step::Innovation,
-            row: 1,
-            column: 0,
-            ..
+            reason: CholeskyError::NotSymmetric {
+                row: 1,
+                column: 0,
+                ..
+            }
         })
     ));
     // twice the same row without noise: the second has no variance of its own
     assert!(matches!(
         filter.update_stacked(&values, &[0.0; 4], &mut workspace, first),
-        Err(UkfError::NotPositiveDefinite {
+        Err(UkfError::Covariance {
             step: Step::Innovation,
-            pivot: 1,
-            ..
+            reason: CholeskyError::NotPositiveDefinite { pivot: 1, .. }
         })
     ));
     let nan = [good.value, lost.value];
