@@ -1,4 +1,4 @@
-//! What each variant does to samples of a known posterior.
+//! Shows how each variant changes samples of a known posterior.
 //!
 //! Prior N(0, 1), one observation z = 1 with unit noise: the posterior is N(0.5, 0.5).
 

@@ -19,7 +19,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::step::{lower_times, standard_normal};
 
-/// Which shape of mutation adapts itself.
+/// The shape of the mutations, which adapts itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StepAdaptation {
     /// One step size. Cheapest, best on well-scaled and on very rugged functions. O(D) an offspring.
@@ -31,7 +31,7 @@ pub enum StepAdaptation {
     Covariance,
 }
 
-/// What one offspring mutated with.
+/// The mutation of one offspring.
 #[derive(Debug, Clone)]
 pub(crate) struct Mutation<const D: usize> {
     /// Step in units of the initial sizes.

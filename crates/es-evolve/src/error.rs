@@ -1,4 +1,4 @@
-//! What can be wrong with a population, a parameter or a fitness value.
+//! Errors of populations, parameters and fitness values.
 
 use thiserror::Error;
 

@@ -83,7 +83,7 @@ impl OptimiseParams {
     }
 }
 
-/// What a run of [`optimise`] found.
+/// The result of a run of [`optimise`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum<G, const D: usize> {
     /// The best genome evaluated.
@@ -119,7 +119,7 @@ pub enum OptimiseStop {
         /// The bound.
         min_step_size: f64,
     },
-    /// The best genome is old.
+    /// No better genome was found for too many generations.
     Stagnation {
         /// Generations since it was found.
         generations: usize,

@@ -1,4 +1,4 @@
-//! What a run did: proposals, acceptances, evaluations, and why it stopped.
+//! The account of a run: proposals, acceptances, evaluations, and why it stopped.
 
 /// Counts of one run and the fitness it ended with.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,7 +61,7 @@ impl EvolutionReport {
         (proposed > 0).then(|| accepted as f64 / proposed as f64)
     }
 
-    /// Whether a phase of at most `next_phase` evaluations fits; records the stop when it does not.
+    /// True if a phase of at most `next_phase` evaluations fits; records the stop if it does not.
     pub(crate) fn affords(&mut self, next_phase: usize, max_evaluations: usize) -> bool {
         let fits = next_phase <= max_evaluations.saturating_sub(self.evaluations);
         if !fits {

@@ -18,6 +18,15 @@
 //! crossover and its slots mutate. Copies among a and b give a zero difference, then e alone moves. A genome that is
 //! impossible in its slot accepts any possible child.
 //!
+//! The proposals are as likely backward as forward only if the genome's [`Manifold`] satisfies two conditions besides its
+//! laws:
+//! - a step is undone by its negative: `g.retract(v).retract(-v) == g`;
+//! - `retract` keeps volumes in the coordinates in which the fitness is a density.
+//!
+//! Plain addition with wrapped angles satisfies both, and so does the group exponential of SE(2) with a density in (x, y,
+//! heading). A translation in body axes with a separate turn does not: its backward step is read in other axes than its
+//! forward step.
+//!
 //! When not to use: to find the best genome. This does not climb.
 
 use estimation_base::Manifold;
@@ -35,6 +44,9 @@ const OPTIMAL_SCALE: f64 = 2.38;
 
 /// Moves every slot by Metropolis-Hastings steps that leave exp(log-fitness of the slot) invariant.
 ///
+/// `fitness(slot, genome)` is the log-density of the slot's target, up to a constant of the slot; for that a
+/// step of the genome must be undone by its negative, and `retract` must keep volumes in the coordinates of the density
+/// (additive coordinates with wrapped angles do, and SE(2) by its exponential; body axes with a separate turn do not).
 /// `factors` hold the factor L of each slot's step covariance; the slot's posterior covariance is the best choice, as
 /// long as it was not computed from the genomes being moved. `streams(step, slot)` gives the generator of a slot
 /// in a step; no (step, slot) is asked for twice, so the result does not depend on the number of threads.

@@ -16,7 +16,7 @@ use nalgebra::{ComplexField, Dim, RawStorage, SMatrix, SVector, SquareMatrix, St
 #[non_exhaustive]
 pub enum CholeskyError {
     /// A pivot at or below its bound.
-    #[error("pivot {pivot} of the matrix is {value}, more than {required} required")]
+    #[error("pivot {pivot} of the matrix is {value:e}, more than {required:e} required")]
     NotPositiveDefinite {
         /// Row of the failing pivot, from 0.
         pivot: usize,
@@ -27,7 +27,7 @@ pub enum CholeskyError {
     },
     /// A pivot of zero with a covariance left below it, which no semidefinite matrix has.
     #[error(
-        "pivot {pivot} of the matrix is zero and row {row} has a covariance of {value} with it, at most {at_most} allowed"
+        "pivot {pivot} of the matrix is zero and row {row} has a covariance of {value:e} with it, at most {at_most:e} allowed"
     )]
     CovarianceWithoutVariance {
         /// Row of the zero pivot, from 0.

@@ -40,7 +40,7 @@ pub struct Consistency {
     pub lower: f64,
     /// Upper bound of the mean.
     pub upper: f64,
-    /// Which side of the bounds the mean is on.
+    /// The side of the bounds on which the mean lies.
     pub verdict: Verdict,
 }
 

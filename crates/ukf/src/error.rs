@@ -65,11 +65,11 @@ pub enum UkfError {
     /// A workspace or a matrix given as a slice that is too short or too long.
     #[error("{what} has {given} entries, {required} required")]
     Length {
-        /// Which slice.
+        /// Name of the slice.
         what: &'static str,
-        /// Its entries.
+        /// Number of its entries.
         given: usize,
-        /// What was needed.
+        /// Number of entries required.
         required: usize,
     },
     /// NaN or infinity in a mean, a measurement or a function's value.
@@ -77,7 +77,7 @@ pub enum UkfError {
     NotFinite {
         /// Where it was met.
         step: Step,
-        /// Which quantity.
+        /// Name of the quantity.
         what: &'static str,
     },
     /// No sample to judge by.

@@ -25,12 +25,12 @@ use crate::filter::Ukf;
 use crate::innovation::Innovation;
 use crate::transform::unscented_transform;
 
-/// When to stop.
+/// The conditions under which the iteration stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Iterations {
-    /// At most so many rounds; 0 counts as 1.
+    /// The largest number of rounds; 0 counts as 1.
     pub at_most: u32,
-    /// In standard deviations of the posterior.
+    /// The iteration ends when the mean moves by no more than this many standard deviations of the posterior.
     pub tolerance: f64,
 }
 
@@ -46,11 +46,11 @@ impl Default for Iterations {
 /// The outcome of an iterated update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Iterated<const M: usize> {
-    /// By the last linearisation.
+    /// The innovation by the last linearisation.
     pub innovation: Innovation<M>,
-    /// Rounds made.
+    /// Number of rounds made.
     pub rounds: u32,
-    /// Whether the last one moved the mean by less than the tolerance.
+    /// True if the last round moved the mean by less than the tolerance.
     pub converged: bool,
 }
 
