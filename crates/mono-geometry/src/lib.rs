@@ -5,13 +5,12 @@
 //! metres. Nothing here prints or reads a clock, only [`ransac`] draws random numbers, from a seed the caller gives, and no
 //! input makes it panic.
 //!
-//! In reading order: [`angle`], [`se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
+//! In reading order: [`Se2`], [`so3`], [`se3`] (motions); [`distortion`], [`camera`], [`mount`] (from the
 //! world to a pixel); [`motion`] (odometry); [`triangulation`], [`inverse_depth`] (from pixels back to the world);
 //! [`epipolar`], [`homography`] (two views of unknown motion); [`pnp`] (a pose from known points); [`ransac`] and
 //! [`robust_loss`] (data of which some are wrong); [`calibration`] (the camera itself); [`bundle`] (everything at once);
 //! [`linalg`] (the only singular value decompositions of the workspace).
 
-pub mod angle;
 #[cfg(feature = "bundle")]
 pub mod bundle;
 pub mod calibration;
@@ -29,7 +28,6 @@ mod placed_camera;
 pub mod pnp;
 pub mod ransac;
 pub mod robust_loss;
-pub mod se2;
 pub mod se3;
 mod series;
 pub mod so3;
@@ -47,7 +45,7 @@ pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
 pub use placed_camera::PlacedCamera;
 pub use robust_loss::RobustLoss;
-pub use se2::Se2;
+pub use estimation_base::Se2;
 pub use se3::Se3;
 pub use triangulation::{Acceptance, Observation, Rejection, Triangulated, triangulate};
 

@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{GeometryError, checked};
 use crate::linalg::symmetrize;
-use crate::se2::Se2;
+use estimation_base::Se2;
 
 /// Motion of constant forward speed (m/s) and turning rate (rad/s) held for `dt` seconds, in the starting body frame.
 ///

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::error::{GeometryError, checked};
-use crate::se2::Se2;
+use estimation_base::Se2;
 use crate::se3::Se3;
 use crate::so3::rotation_from_matrix;
 

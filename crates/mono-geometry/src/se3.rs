@@ -7,7 +7,9 @@
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
 
-use crate::series::{fifth_order_quotient, fourth_order_quotient, x_minus_sin_over_x3};
+use estimation_base::series::x_minus_sin_over_x3;
+
+use crate::series::{fifth_order_quotient, fourth_order_quotient};
 use crate::so3;
 
 /// A rigid motion; metres. The rotation type keeps the matrix orthonormal.

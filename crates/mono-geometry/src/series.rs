@@ -1,47 +1,8 @@
 //! Trigonometric quotients that are smooth at zero and 0/0 in their naive form.
 //!
-//! The exponential maps of SE(2), SO(3) and SE(3) and their Jacobians are built from them. Each is accurate to
+//! The Jacobians of SO(3) and SE(3) are built from them and from those of [`estimation_base::series`]. Each is accurate to
 //! a few units in the last place over the whole range: half-angle identities where they remove the
 //! cancellation, power series where they do not.
-
-/// sin(x) / x.
-pub(crate) fn sinc(x: f64) -> f64 {
-    // Below 1e-4 the next term, x^4 / 120, is under one unit in the last place.
-    if x.abs() < 1e-4 {
-        1.0 - x * x / 6.0
-    } else {
-        x.sin() / x
-    }
-}
-
-/// (1 - cos x) / x = (x / 2) sinc(x / 2)^2.
-pub(crate) fn versine_over_x(x: f64) -> f64 {
-    let half = sinc(0.5 * x);
-    0.5 * x * half * half
-}
-
-/// (1 - cos x) / x^2 = sinc(x / 2)^2 / 2.
-pub(crate) fn versine_over_x2(x: f64) -> f64 {
-    let half = sinc(0.5 * x);
-    0.5 * half * half
-}
-
-/// (x - sin x) / x^3.
-pub(crate) fn x_minus_sin_over_x3(x: f64) -> f64 {
-    let x2 = x * x;
-    if x2 > 1.0 {
-        return (x - x.sin()) / (x2 * x);
-    }
-    // 1/3! - x^2/5! + x^4/7! - ...; the first term left out is x^16 / 19! < 1e-17.
-    let mut term = 1.0 / 6.0;
-    let mut sum = term;
-    for k in 2..9_u32 {
-        let n = f64::from(2 * k);
-        term *= -x2 / (n * (n + 1.0));
-        sum += term;
-    }
-    sum
-}
 
 /// (x^2 + 2 cos x - 2) / (2 x^4), of the Jacobian of SE(3).
 pub(crate) fn fourth_order_quotient(x: f64) -> f64 {
@@ -108,11 +69,9 @@ mod tests {
     #[test]
     fn branches_agree_at_the_switch() {
         type Quotient = fn(f64) -> f64;
-        let cases: [(Quotient, f64, f64); 5] = [
+        let cases: [(Quotient, f64, f64); 3] = [
             (fourth_order_quotient, 2.0, 1e-16),
             (fifth_order_quotient, 2.0, 1e-16),
-            (sinc, 1e-4, 1e-15),
-            (x_minus_sin_over_x3, 1.0, 1e-15),
             (inverse_jacobian_coefficient, 0.5, 4e-15),
         ];
         for (function, at, tolerance) in cases {
@@ -125,14 +84,8 @@ mod tests {
 
     #[test]
     fn limits_at_zero() {
-        assert_eq!(sinc(0.0), 1.0);
-        assert_eq!(versine_over_x(0.0), 0.0);
-        assert_eq!(versine_over_x2(0.0), 0.5);
-        assert_eq!(x_minus_sin_over_x3(0.0), 1.0 / 6.0);
         assert_eq!(inverse_jacobian_coefficient(0.0), 1.0 / 12.0);
         assert_eq!(fourth_order_quotient(0.0), 1.0 / 24.0);
         assert_eq!(fifth_order_quotient(0.0), 1.0 / 120.0);
-        let tiny = 1e-9;
-        assert!((versine_over_x(tiny) - 0.5 * tiny).abs() < 1e-25);
     }
 }

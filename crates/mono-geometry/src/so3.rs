@@ -9,7 +9,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::error::GeometryError;
 use crate::linalg::nearest_rotation;
-use crate::series::{inverse_jacobian_coefficient, sinc, versine_over_x2, x_minus_sin_over_x3};
+use estimation_base::series::{sinc, versine_over_x2, x_minus_sin_over_x3};
+
+use crate::series::inverse_jacobian_coefficient;
 
 /// Largest entry of |R^T R - I| accepted from outside.
 ///

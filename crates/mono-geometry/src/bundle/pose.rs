@@ -18,7 +18,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
-use crate::se2::Se2;
+use estimation_base::Se2;
 use crate::se3::Se3;
 
 /// A pose `world_from_body` with D degrees of freedom: [`Se2`] with D = 3, [`Se3`] with D = 6.

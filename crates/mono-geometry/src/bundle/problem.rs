@@ -10,7 +10,7 @@ use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::linalg::cholesky;
 use crate::motion::Increment;
-use crate::se2::Se2;
+use estimation_base::Se2;
 use crate::se3::Se3;
 
 /// A landmark seen in one image.

@@ -13,7 +13,7 @@ use super::problem::{
 use super::schur::Schur;
 use crate::camera::Pinhole;
 use crate::robust_loss::RobustLoss;
-use crate::se2::Se2;
+use estimation_base::Se2;
 use crate::se3::Se3;
 use crate::so3;
 

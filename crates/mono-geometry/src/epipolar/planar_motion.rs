@@ -37,7 +37,7 @@ use super::Correspondence;
 use super::refine::{Freedom, refine};
 use super::relative_pose::in_front;
 use super::scorer::EpipolarModel;
-use crate::angle;
+use estimation_base::wrap;
 use crate::linalg::null_space;
 use crate::mount::Mount;
 use crate::ransac::Solver;
@@ -68,8 +68,8 @@ impl PlanarMotion {
 
     fn with_rotation(body_from_camera: Rotation3<f64>, turn_rad: f64, direction_rad: f64) -> Self {
         let mut motion = Self {
-            turn_rad: angle::wrap(turn_rad),
-            direction_rad: angle::wrap(direction_rad),
+            turn_rad: wrap(turn_rad),
+            direction_rad: wrap(direction_rad),
             body_from_camera,
             essential: Matrix3::zeros(),
         };

@@ -2,7 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use mono_geometry::{Mount, Se2, Se3, angle, mount::world_from_tilted_body, so3};
+use estimation_base::wrap;
+use mono_geometry::{Mount, Se2, Se3, mount::world_from_tilted_body, so3};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use proptest::test_runner::Config;
@@ -66,7 +67,7 @@ fn numeric_jacobian<const M: usize, const N: usize>(
 fn close2(a: &Se2, b: &Se2, tolerance: f64) -> bool {
     (a.x - b.x).abs() <= tolerance
         && (a.y - b.y).abs() <= tolerance
-        && angle::wrap(a.phi - b.phi).abs() <= tolerance
+        && wrap(a.phi - b.phi).abs() <= tolerance
 }
 
 proptest! {

@@ -1,6 +1,7 @@
 //! Planar motion of a mounted camera: two points, one point on an arc, degenerate motions, derivatives.
 
 use crate::common::{config, gauss};
+use estimation_base::wrap;
 use mono_geometry::epipolar::planar_motion::{
     ArcOnePoint, PlanarMotion, PlanarTwoPoint, arc_from_one, planar_from_two,
 };
@@ -9,7 +10,7 @@ use mono_geometry::epipolar::relative_pose::in_front;
 use mono_geometry::epipolar::scorer::{EpipolarModel, SampsonScorer};
 use mono_geometry::epipolar::{Correspondence, essential};
 use mono_geometry::ransac::{Options, Uniform, ransac};
-use mono_geometry::{Mount, Se2, Se3, angle, so3};
+use mono_geometry::{Mount, Se2, Se3, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -100,8 +101,8 @@ proptest! {
                     best = error;
                     let all: Vec<usize> = (0..30).collect();
                     let found = found.oriented(&matches, &all, 0.0);
-                    prop_assert!(error > 1e-6 || angle::wrap(found.turn_rad - phi).abs() < 1e-5);
-                    prop_assert!(error > 1e-6 || angle::wrap(found.direction_rad - travel(&mount, &pose)).abs() < 1e-5);
+                    prop_assert!(error > 1e-6 || wrap(found.turn_rad - phi).abs() < 1e-5);
+                    prop_assert!(error > 1e-6 || wrap(found.direction_rad - travel(&mount, &pose)).abs() < 1e-5);
                     prop_assert!(error > 1e-6 || in_front(&found.second_from_first(), &matches, &all, 0.0).0 == 30);
                 }
                 // Every motion explains its two matches.
@@ -136,7 +137,7 @@ proptest! {
             let found = arc_from_one(&mount, m).unwrap().oriented(&matches, &all, 0.0);
             prop_assert!((found.turn_rad - turn).abs() < 1e-8, "{} {}", found.turn_rad, turn);
             let reverse = if back { std::f64::consts::PI } else { 0.0 };
-            prop_assert!(angle::wrap(found.direction_rad - 0.5 * turn - reverse).abs() < 1e-8);
+            prop_assert!(wrap(found.direction_rad - 0.5 * turn - reverse).abs() < 1e-8);
         }
     }
 
@@ -279,8 +280,8 @@ fn robust_runs_need_few_trials_and_the_covariance_is_honest() {
         .unwrap();
         let found = refined.model.oriented(&matches, &good, 0.0);
         let delta = SVector::<f64, 2>::new(
-            angle::wrap(truth.turn_rad - found.turn_rad),
-            angle::wrap(truth.direction_rad - found.direction_rad),
+            wrap(truth.turn_rad - found.turn_rad),
+            wrap(truth.direction_rad - found.direction_rad),
         );
         nees += delta.dot(&refined.covariance.cholesky().unwrap().solve(&delta));
         runs += 1;

@@ -118,7 +118,7 @@ impl CarrierModel {
         let mut mean = from;
         mean.centre.x += step.x;
         mean.centre.y += step.y;
-        mean.phi = mono_geometry::angle::wrap(turned);
+        mean.phi = estimation_base::wrap(turned);
         mean.roll *= keep;
         mean.pitch *= keep;
 

@@ -86,7 +86,7 @@ pub(crate) fn pose(x: f64, y: f64, phi: f64) -> CameraPose {
 /// A pose anywhere, its heading near the seam of the circle as often as not.
 pub(crate) fn random_pose(rng: &mut ChaCha8Rng) -> CameraPose {
     let phi = if rng.random::<bool>() {
-        mono_geometry::angle::wrap(core::f64::consts::PI + uniform(rng, -0.02, 0.02))
+        estimation_base::wrap(core::f64::consts::PI + uniform(rng, -0.02, 0.02))
     } else {
         uniform(rng, -3.0, 3.0)
     };

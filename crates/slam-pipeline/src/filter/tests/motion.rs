@@ -50,7 +50,7 @@ fn mean_is_the_body_motion_with_its_lever_arm() {
         let (x, y, phi) = moved(&p.pose, &LEVER, p.metric.mean.x, d);
         let m = &prior.mean;
         assert!((m.centre.x - x).abs() < 1e-13 && (m.centre.y - y).abs() < 1e-13);
-        assert!(mono_geometry::angle::wrap(m.phi - phi).abs() < 1e-13);
+        assert!(estimation_base::wrap(m.phi - phi).abs() < 1e-13);
         assert_eq!(m.centre.z, p.pose.centre.z);
         // A tilt decays with its time constant.
         let keep = (-0.1_f64 / 0.5).exp();
