@@ -38,6 +38,7 @@ pub use camera::{Camera, ParameterJacobian, Pinhole};
 pub use distortion::Distortion;
 pub use epipolar::EpipolarPair;
 pub use error::GeometryError;
+pub use estimation_base::Se2;
 pub use homography::Homography;
 pub use inverse_depth::InverseDepthPoint;
 pub use least_squares::{Iteration, Termination};
@@ -45,7 +46,6 @@ pub use motion::{ControlNoise, Increment, OdometrySample};
 pub use mount::Mount;
 pub use placed_camera::PlacedCamera;
 pub use robust_loss::RobustLoss;
-pub use estimation_base::Se2;
 pub use se3::Se3;
 pub use triangulation::{Acceptance, Observation, Rejection, Triangulated, triangulate};
 

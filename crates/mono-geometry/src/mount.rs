@@ -8,9 +8,9 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::error::{GeometryError, checked};
-use estimation_base::Se2;
 use crate::se3::Se3;
 use crate::so3::rotation_from_matrix;
+use estimation_base::Se2;
 
 /// Pose of the camera in the body.
 #[derive(Debug, Clone, Copy, PartialEq)]

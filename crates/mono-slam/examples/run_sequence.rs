@@ -32,8 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(last) = run.frames.last() {
         println!(
             "ends at ({:.3}, {:.3}) m after {:.1} s; see {}",
-            last.pose.x,
-            last.pose.y,
+            last.report.estimate.pose.x,
+            last.report.estimate.pose.y,
             run.wall_s,
             out.join("report.html").display()
         );

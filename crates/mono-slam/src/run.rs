@@ -7,8 +7,9 @@ use slam_io::{
     configuration,
 };
 use slam_pipeline::config::ValidConfig;
-use slam_pipeline::record::{LandmarkRecord, PlanarPose};
-use slam_pipeline::{FrameInput, FrameReport, OdometryInterval, Rig, Slam, SlamError, detector_of};
+use slam_pipeline::{
+    FrameInput, KeypointReport, OdometryInterval, Rig, Slam, SlamError, detector_of,
+};
 use thiserror::Error;
 use vision_sift::{Features, GrayImage, SiftError, Workspace};
 
@@ -110,78 +111,53 @@ fn run_in_pool(
         for o in &odometry {
             wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
         }
-        dead_reckoning.push(PlanarPose {
-            x: wheels.x,
-            y: wheels.y,
-            phi: wheels.phi,
-        });
+        dead_reckoning.push(wheels);
         let input = FrameInput {
             features: &features,
             odometry: &odometry,
         };
         let mut stages = StageClock::start(clock);
-        let outcome = slam.step(&input, &mut stages)?;
+        let mut report = slam.step(&input, &mut stages)?;
         let stages = stages.stop();
+        let keypoints = std::mem::take(&mut report.keypoints);
         if index % every == 0 {
             snapshots.push(FrameSnapshot {
                 index,
                 width: image.width,
                 height: image.height,
-                keypoints: drawn(&features, &outcome, &camera),
+                keypoints: drawn(&features, &keypoints, &camera),
                 pixels: image.pixels,
             });
         }
         progress(Progress {
             frame: index + 1,
             frames: count,
-            landmarks: outcome.landmarks,
+            landmarks: report.landmarks,
         });
         frames.push(FrameRecord {
             index,
             time_s: sequence.times_s[index],
-            pose: outcome.estimate.pose.into(),
-            covariance: outcome.estimate.covariance,
-            keyframe: outcome.keyframe,
             keypoints: features.keypoints.len(),
-            matches: outcome.matches,
-            outliers: outcome.outliers,
-            new_landmarks: outcome.new_landmarks,
-            landmarks: outcome.landmarks,
-            n_eff: outcome.n_eff,
-            unique_ancestors: outcome.unique_ancestors,
-            resampled: outcome.resampled,
-            es_acceptance: outcome.es_acceptance,
-            nis: outcome.nis,
+            report,
             times: StageTimes {
                 decode_ms,
                 features_ms,
                 total_ms: (clock() - frame_started) * 1e3,
                 ..stages
             },
-            notes: outcome.notes,
         });
     }
     let smoothed = sequence
         .times_s
         .iter()
         .copied()
-        .zip(slam.smoothed_path().into_iter().map(PlanarPose::from))
+        .zip(slam.smoothed_path())
         .collect();
     Ok(RunRecord {
         sequence: sequence.name.clone(),
         frames,
         smoothed,
-        landmarks: slam
-            .landmarks()
-            .into_iter()
-            .map(|l| LandmarkRecord {
-                id: l.id,
-                position: l.position,
-                covariance: l.covariance,
-                observations: l.observations,
-                descriptor: Some(l.descriptor),
-            })
-            .collect(),
+        landmarks: slam.landmarks(),
         dead_reckoning,
         reference: sequence.reference.clone(),
         snapshots,
@@ -193,11 +169,11 @@ fn run_in_pool(
     })
 }
 
-fn drawn(features: &Features, outcome: &FrameReport, camera: &Camera) -> Vec<DrawnKeypoint> {
+fn drawn(features: &Features, reports: &[KeypointReport], camera: &Camera) -> Vec<DrawnKeypoint> {
     features
         .keypoints
         .iter()
-        .zip(&outcome.keypoints)
+        .zip(reports)
         .map(|(k, report)| DrawnKeypoint {
             x: k.x,
             y: k.y,

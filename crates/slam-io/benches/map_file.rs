@@ -6,7 +6,7 @@ use std::path::Path;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Vector3};
 use slam_io::{RunRecord, read_map, write_run};
-use slam_pipeline::record::LandmarkRecord;
+use slam_pipeline::MapLandmark;
 
 fn run(landmarks: u32) -> RunRecord {
     RunRecord {
@@ -14,7 +14,7 @@ fn run(landmarks: u32) -> RunRecord {
         frames: Vec::new(),
         smoothed: Vec::new(),
         landmarks: (0..landmarks)
-            .map(|id| LandmarkRecord {
+            .map(|id| MapLandmark {
                 id,
                 position: Vector3::new(f64::from(id), 1.0, 2.0),
                 covariance: Matrix3::identity(),

@@ -1,7 +1,9 @@
 //! The form in JSON of values whose types belong to other crates.
 
+use mono_geometry::Se2;
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::record::{KeypointFate, PlanarPose};
+use slam_pipeline::{FrameReport, KeypointFate, KeypointReport, PoseEstimate};
 
 /// A planar pose: metres, metres, radians.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -11,37 +13,62 @@ pub(crate) struct Pose {
     phi: f64,
 }
 
-impl From<PlanarPose> for Pose {
-    fn from(PlanarPose { x, y, phi }: PlanarPose) -> Self {
+impl From<Se2> for Pose {
+    fn from(Se2 { x, y, phi }: Se2) -> Self {
         Pose { x, y, phi }
     }
 }
 
-impl From<Pose> for PlanarPose {
+impl From<Pose> for Se2 {
     fn from(Pose { x, y, phi }: Pose) -> Self {
-        PlanarPose { x, y, phi }
+        Se2 { x, y, phi }
     }
 }
 
 /// A field that holds a planar pose.
-pub(crate) mod planar_pose {
+mod planar_pose {
+    use mono_geometry::Se2;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use slam_pipeline::record::PlanarPose;
 
     use super::Pose;
 
-    pub(crate) fn serialize<S: Serializer>(
-        pose: &PlanarPose,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(pose: &Se2, serializer: S) -> Result<S::Ok, S::Error> {
         Pose::from(*pose).serialize(serializer)
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<PlanarPose, D::Error> {
-        Pose::deserialize(deserializer).map(PlanarPose::from)
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Se2, D::Error> {
+        Pose::deserialize(deserializer).map(Se2::from)
     }
+}
+
+/// A body pose and its covariance.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "PoseEstimate")]
+struct Estimate {
+    #[serde(with = "planar_pose")]
+    pose: Se2,
+    covariance: Matrix3<f64>,
+}
+
+/// The report of a frame without its keypoints.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "FrameReport")]
+pub(crate) struct Report {
+    #[serde(flatten, with = "Estimate")]
+    estimate: PoseEstimate,
+    keyframe: bool,
+    matches: usize,
+    outliers: usize,
+    new_landmarks: usize,
+    landmarks: usize,
+    n_eff: f64,
+    unique_ancestors: usize,
+    resampled: bool,
+    es_acceptance: Option<f64>,
+    nis: Option<f64>,
+    #[serde(skip)]
+    keypoints: Vec<KeypointReport>,
+    notes: Vec<String>,
 }
 
 /// The fate of a keypoint by its name.

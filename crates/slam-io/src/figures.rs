@@ -6,8 +6,9 @@
 
 use std::collections::BTreeMap;
 
+use mono_geometry::Se2;
 use serde::Serialize;
-use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+use slam_pipeline::MapLandmark;
 use trajectory_eval::{Alignment, Statistics, absolute_error, relative_error, spatial};
 
 use crate::record::{FrameRecord, RunRecord, StageTimes};
@@ -78,13 +79,16 @@ pub struct RunFigures {
 /// Computes every figure of `run`; O(frames + landmarks).
 pub fn run_figures(run: &RunRecord) -> RunFigures {
     let frames = &run.frames;
-    let keyframes: Vec<&FrameRecord> = frames.iter().filter(|frame| frame.keyframe).collect();
-    let matches: usize = frames.iter().map(|frame| frame.matches).sum();
-    let outliers: usize = frames.iter().map(|frame| frame.outliers).sum();
+    let keyframes: Vec<&FrameRecord> = frames
+        .iter()
+        .filter(|frame| frame.report.keyframe)
+        .collect();
+    let matches: usize = frames.iter().map(|frame| frame.report.matches).sum();
+    let outliers: usize = frames.iter().map(|frame| frame.report.outliers).sum();
     let mut uncertainties: Vec<f64> = run.landmarks.iter().map(uncertainty_m).collect();
     uncertainties.sort_by(f64::total_cmp);
     let mut notes = BTreeMap::new();
-    for note in frames.iter().flat_map(|frame| &frame.notes) {
+    for note in frames.iter().flat_map(|frame| &frame.report.notes) {
         *notes.entry(note.clone()).or_insert(0) += 1;
     }
     let duration_s = match (frames.first(), frames.last()) {
@@ -97,7 +101,10 @@ pub fn run_figures(run: &RunRecord) -> RunFigures {
         duration_s,
         path_length_m: frames
             .windows(2)
-            .map(|pair| (pair[1].pose.x - pair[0].pose.x).hypot(pair[1].pose.y - pair[0].pose.y))
+            .map(|pair| {
+                let (from, to) = (pair[0].report.estimate.pose, pair[1].report.estimate.pose);
+                (to.x - from.x).hypot(to.y - from.y)
+            })
             .sum(),
         landmarks: run.landmarks.len(),
         landmark_uncertainty_median_m: uncertainties.get(uncertainties.len() / 2).copied(),
@@ -107,18 +114,18 @@ pub fn run_figures(run: &RunRecord) -> RunFigures {
                 .filter(|f| f.keypoints > 0)
                 .map(|f| f.keypoints as f64),
         ),
-        matches_mean: mean(keyframes.iter().map(|frame| frame.matches as f64)),
+        matches_mean: mean(keyframes.iter().map(|frame| frame.report.matches as f64)),
         outlier_share: (matches + outliers > 0)
             .then(|| outliers as f64 / (matches + outliers) as f64),
-        resampled: frames.iter().filter(|frame| frame.resampled).count(),
-        n_eff_mean: mean(keyframes.iter().map(|frame| frame.n_eff)),
+        resampled: frames.iter().filter(|frame| frame.report.resampled).count(),
+        n_eff_mean: mean(keyframes.iter().map(|frame| frame.report.n_eff)),
         n_eff_min: keyframes
             .iter()
-            .map(|frame| frame.n_eff)
+            .map(|frame| frame.report.n_eff)
             .min_by(f64::total_cmp),
-        unique_ancestors_final: frames.last().map(|frame| frame.unique_ancestors),
-        es_acceptance_mean: mean(frames.iter().filter_map(|frame| frame.es_acceptance)),
-        nis_mean: mean(frames.iter().filter_map(|frame| frame.nis)),
+        unique_ancestors_final: frames.last().map(|frame| frame.report.unique_ancestors),
+        es_acceptance_mean: mean(frames.iter().filter_map(|frame| frame.report.es_acceptance)),
+        nis_mean: mean(frames.iter().filter_map(|frame| frame.report.nis)),
         notes,
         stage_mean_ms: stage_means(frames),
         wall_s: run.wall_s,
@@ -128,7 +135,7 @@ pub fn run_figures(run: &RunRecord) -> RunFigures {
 }
 
 /// Root of the covariance's trace: the typical distance between the estimated landmark and the true one, metres.
-pub fn uncertainty_m(landmark: &LandmarkRecord) -> f64 {
+pub fn uncertainty_m(landmark: &MapLandmark) -> f64 {
     landmark.covariance.trace().max(0.0).sqrt()
 }
 
@@ -162,7 +169,7 @@ fn errors(run: &RunRecord) -> BTreeMap<&'static str, BTreeMap<&'static str, Path
     let filtered: Vec<_> = run
         .frames
         .iter()
-        .map(|frame| (frame.time_s, frame.pose))
+        .map(|frame| (frame.time_s, frame.report.estimate.pose))
         .collect();
     let dead_reckoning: Vec<_> = times.zip(run.dead_reckoning.iter().copied()).collect();
     [
@@ -185,8 +192,8 @@ fn errors(run: &RunRecord) -> BTreeMap<&'static str, BTreeMap<&'static str, Path
 
 /// `None` when the path cannot be compared (no common time, or a robot that never moved).
 fn path_figures(
-    path: &[(f64, PlanarPose)],
-    reference: &[(f64, PlanarPose)],
+    path: &[(f64, Se2)],
+    reference: &[(f64, Se2)],
     alignment: Alignment,
 ) -> Option<PathFigures> {
     let (path, reference) = (spatial(path), spatial(reference));

@@ -31,7 +31,7 @@ use std::path::Path;
 
 use crate::record::RunRecord;
 use atomic::{PendingFile, commit};
-use slam_pipeline::record::PlanarPose;
+use mono_geometry::Se2;
 
 pub use error::OutputError;
 pub use map_file::read_map;
@@ -50,7 +50,10 @@ pub fn write_run(
     extra: &[(&str, Vec<u8>)],
 ) -> Result<(), OutputError> {
     check_finite(run)?;
-    let trajectory = run.frames.iter().map(|frame| (frame.time_s, frame.pose));
+    let trajectory = run
+        .frames
+        .iter()
+        .map(|frame| (frame.time_s, frame.report.estimate.pose));
     let contents: [(&str, Vec<u8>); 8] = [
         ("trajectory.tum", tables::tum(trajectory).into_bytes()),
         (
@@ -100,18 +103,23 @@ pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
 /// Refuses a run with a NaN or an infinity in it and names the first place.
 fn check_finite(run: &RunRecord) -> Result<(), OutputError> {
     let refuse = |what: String| Err(OutputError::NotFinite { what });
-    let finite_pose =
-        |pose: &PlanarPose| pose.x.is_finite() && pose.y.is_finite() && pose.phi.is_finite();
+    let finite_pose = |pose: &Se2| pose.x.is_finite() && pose.y.is_finite() && pose.phi.is_finite();
     for frame in &run.frames {
-        if !(frame.time_s.is_finite() && finite_pose(&frame.pose)) {
+        if !(frame.time_s.is_finite() && finite_pose(&frame.report.estimate.pose)) {
             return refuse(format!("time or pose of frame {}", frame.index));
         }
-        if !frame.covariance.iter().all(|value| value.is_finite()) {
+        if !frame
+            .report
+            .estimate
+            .covariance
+            .iter()
+            .all(|value| value.is_finite())
+        {
             return refuse(format!("covariance of frame {}", frame.index));
         }
-        let nis = frame.nis.unwrap_or(0.0);
-        let acceptance = frame.es_acceptance.unwrap_or(0.0);
-        if ![frame.n_eff, nis, acceptance]
+        let nis = frame.report.nis.unwrap_or(0.0);
+        let acceptance = frame.report.es_acceptance.unwrap_or(0.0);
+        if ![frame.report.n_eff, nis, acceptance]
             .iter()
             .all(|value| value.is_finite())
         {

@@ -3,9 +3,9 @@
 //! The program fills a [`RunRecord`]; [`write_run`](crate::write_run) writes it and the report page draws it. Times in
 //! these values are measured by the caller of the frame loop and never feed back into the estimate.
 
-use nalgebra::Matrix3;
+use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::record::{KeypointFate, LandmarkRecord, PlanarPose};
+use slam_pipeline::{FrameReport, KeypointFate, MapLandmark};
 
 use crate::disk;
 
@@ -51,37 +51,13 @@ pub struct FrameRecord {
     pub index: usize,
     /// Time stamp, seconds.
     pub time_s: f64,
-    /// Filtered pose: weighted mean of the particles.
-    #[serde(with = "disk::planar_pose")]
-    pub pose: PlanarPose,
-    /// Its covariance in (x, y, phi), m^2, m rad, rad^2.
-    pub covariance: Matrix3<f64>,
-    /// Whether the frame was a filter step (false: odometry prediction only).
-    pub keyframe: bool,
-    /// Keypoints detected.
+    /// Number of keypoints detected.
     pub keypoints: usize,
-    /// Keypoints matched to the map and used.
-    pub matches: usize,
-    /// Matches rejected by gate or consensus.
-    pub outliers: usize,
-    /// Landmarks started.
-    pub new_landmarks: usize,
-    /// Landmarks in the map after the frame.
-    pub landmarks: usize,
-    /// Effective number of particles before resampling.
-    pub n_eff: f64,
-    /// Distinct first-frame ancestors among the particles.
-    pub unique_ancestors: usize,
-    /// Whether the frame resampled.
-    pub resampled: bool,
-    /// Share of accepted evolution moves; `None` when none was tried.
-    pub es_acceptance: Option<f64>,
-    /// Mean normalised innovation squared per degree of freedom; `None` without matches.
-    pub nis: Option<f64>,
-    /// Milliseconds per stage.
+    /// The report of the frame loop, without the keypoints; those of some frames are in the [`FrameSnapshot`]s.
+    #[serde(flatten, with = "disk::Report")]
+    pub report: FrameReport,
+    /// Milliseconds of each stage.
     pub times: StageTimes,
-    /// Remarks: why the frame had no measurement update, or a repair that was made; empty for an ordinary frame.
-    pub notes: Vec<String>,
 }
 
 /// A frame kept for the picture strip of the report.
@@ -107,13 +83,13 @@ pub struct RunRecord {
     /// One entry a frame, in order.
     pub frames: Vec<FrameRecord>,
     /// Whole path of the best particle: (time in seconds, body pose).
-    pub smoothed: Vec<(f64, PlanarPose)>,
+    pub smoothed: Vec<(f64, Se2)>,
     /// Final map of the best particle, in order of id.
-    pub landmarks: Vec<LandmarkRecord>,
+    pub landmarks: Vec<MapLandmark>,
     /// Body path of dead reckoning, one pose a frame.
-    pub dead_reckoning: Vec<PlanarPose>,
+    pub dead_reckoning: Vec<Se2>,
     /// Reference body path where the sequence has one: (time in seconds, pose).
-    pub reference: Option<Vec<(f64, PlanarPose)>>,
+    pub reference: Option<Vec<(f64, Se2)>>,
     /// Frames kept for pictures.
     pub snapshots: Vec<FrameSnapshot>,
     /// Effective configuration as TOML text.
@@ -122,7 +98,7 @@ pub struct RunRecord {
     pub seed: u64,
     /// Number of particles.
     pub particles: usize,
-    /// Method: `novel`, `paper` or `conventional`.
+    /// Method: `exact`, `paper` or `conventional`.
     pub method: String,
     /// Wall time of the whole run in seconds.
     pub wall_s: f64,

@@ -21,7 +21,7 @@ mod times;
 
 use std::path::{Path, PathBuf};
 
-use slam_pipeline::record::PlanarPose;
+use mono_geometry::Se2;
 
 use crate::camera::{CameraFile, read_camera};
 use crate::error::SequenceError;
@@ -46,7 +46,7 @@ pub struct Sequence {
     pub odometry: Vec<OdometryRow>,
     /// Reference path of the body, (time in seconds, pose), relative to the body
     /// pose of the first frame; `None` when the folder has none.
-    pub reference: Option<Vec<(f64, PlanarPose)>>,
+    pub reference: Option<Vec<(f64, Se2)>>,
 }
 
 impl Sequence {

@@ -30,7 +30,6 @@ mod filter;
 mod frontend;
 mod method;
 mod odometry;
-pub mod record;
 mod rig;
 mod slam;
 

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
+use mono_geometry::Se2;
 use slam_io::{RunRecord, uncertainty_m};
-use slam_pipeline::record::PlanarPose;
 
 use crate::card::card;
 use crate::plot::{Colour, Ellipse, Layer, Plot};
@@ -32,7 +32,7 @@ pub(super) fn section(run: &RunRecord) -> String {
     if let Some(scale) = &scale {
         landmarks(run, scale, &mut plot);
     }
-    let path = |poses: &mut dyn Iterator<Item = PlanarPose>| {
+    let path = |poses: &mut dyn Iterator<Item = Se2>| {
         poses.map(|pose| (pose.x, pose.y)).collect::<Vec<_>>()
     };
     if !run.dead_reckoning.is_empty() {
@@ -55,20 +55,20 @@ pub(super) fn section(run: &RunRecord) -> String {
         colour: Colour::Blue,
         width: 2.0,
         dashed: false,
-        points: path(&mut run.frames.iter().map(|frame| frame.pose)),
+        points: path(&mut run.frames.iter().map(|frame| frame.report.estimate.pose)),
     });
     if let (Some(first), Some(last)) = (run.frames.first(), run.frames.last()) {
         plot.layers.push(Layer::Dots {
             label: String::new(),
             colour: Colour::Blue,
             radius: 5.0,
-            points: vec![(first.pose.x, first.pose.y)],
+            points: vec![(first.report.estimate.pose.x, first.report.estimate.pose.y)],
         });
         plot.layers.push(Layer::Arrow {
             label: String::new(),
             colour: Colour::Blue,
-            at: (last.pose.x, last.pose.y),
-            heading: last.pose.phi,
+            at: (last.report.estimate.pose.x, last.report.estimate.pose.y),
+            heading: last.report.estimate.pose.phi,
         });
     }
     let mut note = String::from(
@@ -159,9 +159,9 @@ fn ellipses(run: &RunRecord, plot: &mut Plot, x_range: (f64, f64)) -> f64 {
             .rev()
             .step_by(stride)
             .map(|frame| {
-                let c = &frame.covariance;
+                let c = &frame.report.estimate.covariance;
                 Ellipse::of_covariance(
-                    (frame.pose.x, frame.pose.y),
+                    (frame.report.estimate.pose.x, frame.report.estimate.pose.y),
                     c[(0, 0)],
                     c[(0, 1)],
                     c[(1, 1)],
@@ -202,7 +202,7 @@ fn view(run: &RunRecord) -> ((f64, f64), (f64, f64)) {
     let poses = run
         .frames
         .iter()
-        .map(|frame| frame.pose)
+        .map(|frame| frame.report.estimate.pose)
         .chain(run.dead_reckoning.iter().copied())
         .chain(run.reference.iter().flatten().map(|entry| entry.1));
     let mut x = (f64::INFINITY, f64::NEG_INFINITY);

@@ -1,8 +1,8 @@
 //! Curves over time: errors against the reference, health of the filter, time per stage.
 
+use mono_geometry::Se2;
 use nalgebra::Matrix3;
 use slam_io::{FrameRecord, RunRecord, StageTimes};
-use slam_pipeline::record::PlanarPose;
 use trajectory_eval::{associate, spatial};
 
 use crate::card::card;
@@ -19,7 +19,7 @@ pub(super) fn error_section(run: &RunRecord) -> String {
     let estimate: Vec<_> = run
         .frames
         .iter()
-        .map(|frame| (frame.time_s, frame.pose))
+        .map(|frame| (frame.time_s, frame.report.estimate.pose))
         .collect();
     let errors = signed_errors(&estimate, reference);
     if errors.is_empty() {
@@ -53,10 +53,7 @@ pub(super) fn error_section(run: &RunRecord) -> String {
 }
 
 /// (time, estimate minus reference) where both have a pose, in time order.
-fn signed_errors(
-    path: &[(f64, PlanarPose)],
-    reference: &[(f64, PlanarPose)],
-) -> Vec<(f64, [f64; 3])> {
+fn signed_errors(path: &[(f64, Se2)], reference: &[(f64, Se2)]) -> Vec<(f64, [f64; 3])> {
     // A robot that reports poses without a common moment has no errors to show.
     let pairs = associate(&spatial(path), &spatial(reference)).unwrap_or_default();
     pairs
@@ -120,7 +117,12 @@ fn component_chart(
     let band: Vec<(f64, f64, f64)> = run
         .frames
         .iter()
-        .map(|frame| (frame.time_s, three_sigma(&frame.covariance, axis) * unit))
+        .map(|frame| {
+            (
+                frame.time_s,
+                three_sigma(&frame.report.estimate.covariance, axis) * unit,
+            )
+        })
         .filter(|(_, reach)| reach.is_finite())
         .map(|(t_s, reach)| (t_s, -reach, reach))
         .collect();
@@ -173,7 +175,7 @@ pub(super) fn health_section(run: &RunRecord) -> String {
 fn over_keyframes(run: &RunRecord, value: impl Fn(&FrameRecord) -> Option<f64>) -> Vec<(f64, f64)> {
     run.frames
         .iter()
-        .filter(|frame| frame.keyframe)
+        .filter(|frame| frame.report.keyframe)
         .filter_map(|frame| Some((frame.time_s, value(frame)?)))
         .collect()
 }
@@ -181,7 +183,7 @@ fn over_keyframes(run: &RunRecord, value: impl Fn(&FrameRecord) -> Option<f64>) 
 fn hints(run: &RunRecord, text: impl Fn(&FrameRecord) -> String) -> Vec<(f64, String)> {
     run.frames
         .iter()
-        .filter(|frame| frame.keyframe)
+        .filter(|frame| frame.report.keyframe)
         .map(|frame| {
             (
                 frame.time_s,
@@ -199,16 +201,16 @@ fn hints(run: &RunRecord, text: impl Fn(&FrameRecord) -> String) -> Vec<(f64, St
 fn particles_chart(run: &RunRecord) -> String {
     let mut plot = Plot::new("Particles", TIME, "particles");
     plot.y_range = Some((0.0, 1.05 * run.particles.max(1) as f64));
-    let ancestors = over_keyframes(run, |frame| Some(frame.unique_ancestors as f64));
+    let ancestors = over_keyframes(run, |frame| Some(frame.report.unique_ancestors as f64));
     plot.layers
         .push(Layer::line("distinct ancestors", Colour::Purple, ancestors));
-    let effective = over_keyframes(run, |frame| Some(frame.n_eff));
+    let effective = over_keyframes(run, |frame| Some(frame.report.n_eff));
     plot.layers
         .push(Layer::line("effective number", Colour::Blue, effective));
     let resampled: Vec<f64> = run
         .frames
         .iter()
-        .filter(|frame| frame.resampled)
+        .filter(|frame| frame.report.resampled)
         .map(|frame| frame.time_s)
         .collect();
     let note = format!(
@@ -224,7 +226,7 @@ fn particles_chart(run: &RunRecord) -> String {
     plot.hints = hints(run, |frame| {
         format!(
             "effective {:.1}\nancestors {}",
-            frame.n_eff, frame.unique_ancestors
+            frame.report.n_eff, frame.report.unique_ancestors
         )
     });
     card(&plot, &note, "")
@@ -237,22 +239,26 @@ fn association_chart(run: &RunRecord) -> String {
     plot.layers.push(Layer::line(
         "matched",
         Colour::Green,
-        count(|frame| frame.matches),
+        count(|frame| frame.report.matches),
     ));
     plot.layers.push(Layer::line(
         "new landmarks",
         Colour::Blue,
-        count(|frame| frame.new_landmarks),
+        count(|frame| frame.report.new_landmarks),
     ));
     plot.layers.push(Layer::line(
         "rejected",
         Colour::Red,
-        count(|frame| frame.outliers),
+        count(|frame| frame.report.outliers),
     ));
     plot.hints = hints(run, |frame| {
         format!(
             "{} keypoints, {} matched, {} rejected, {} new\n{} landmarks",
-            frame.keypoints, frame.matches, frame.outliers, frame.new_landmarks, frame.landmarks
+            frame.keypoints,
+            frame.report.matches,
+            frame.report.outliers,
+            frame.report.new_landmarks,
+            frame.report.landmarks
         )
     });
     card(
@@ -264,7 +270,7 @@ fn association_chart(run: &RunRecord) -> String {
 
 fn innovation_chart(run: &RunRecord) -> String {
     let mut plot = Plot::new("Innovation", TIME, "NIS per degree of freedom");
-    let nis = over_keyframes(run, |frame| frame.nis);
+    let nis = over_keyframes(run, |frame| frame.report.nis);
     let top = nis
         .iter()
         .map(|entry| entry.1)
@@ -283,6 +289,7 @@ fn innovation_chart(run: &RunRecord) -> String {
     ));
     plot.hints = hints(run, |frame| {
         frame
+            .report
             .nis
             .map_or_else(|| "no measurement".into(), |nis| format!("NIS {nis:.2}"))
     });
@@ -314,7 +321,7 @@ fn stage_chart(run: &RunRecord) -> String {
         points: run
             .frames
             .iter()
-            .filter(|frame| frame.keyframe)
+            .filter(|frame| frame.report.keyframe)
             .map(|frame| {
                 (
                     frame.time_s,

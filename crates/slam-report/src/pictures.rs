@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use slam_io::{DrawnKeypoint, FrameSnapshot, RunRecord};
-use slam_pipeline::record::KeypointFate;
+use slam_pipeline::KeypointFate;
 
 /// Pictures on the page.
 const MOST_PICTURES: usize = 8;
@@ -76,7 +76,11 @@ fn figure(run: &RunRecord, snapshot: &FrameSnapshot) -> Option<String> {
             |frame| {
                 format!(
                     "<b>frame {}</b> {:.2} s · {} matched · {} new · {} rejected",
-                    frame.index, frame.time_s, frame.matches, frame.new_landmarks, frame.outliers
+                    frame.index,
+                    frame.time_s,
+                    frame.report.matches,
+                    frame.report.new_landmarks,
+                    frame.report.outliers
                 )
             },
         );

@@ -52,7 +52,7 @@ fn map_panel(trial: &Trial, truth: &[Se2], recording: &Recording) -> Plot {
     let surface = trial
         .landmarks
         .iter()
-        .filter_map(|l| recording.surface_point(&l.descriptor))
+        .filter_map(|l| recording.surface_point(l.descriptor.as_deref()?))
         .map(|p| (p.x, p.y))
         .collect();
     let landmarks = trial

@@ -84,7 +84,7 @@ pub(crate) fn landmark_errors(landmarks: &[MapLandmark], recording: &Recording) 
     landmarks
         .iter()
         .filter_map(|landmark| {
-            let truth = recording.surface_point(&landmark.descriptor)?;
+            let truth = recording.surface_point(landmark.descriptor.as_deref()?)?;
             Some((Point3::from(landmark.position) - truth).norm())
         })
         .collect()

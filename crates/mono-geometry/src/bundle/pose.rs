@@ -18,8 +18,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
-use estimation_base::Se2;
 use crate::se3::Se3;
+use estimation_base::Se2;
 
 /// A pose `world_from_body` with D degrees of freedom: [`Se2`] with D = 3, [`Se3`] with D = 6.
 pub trait BundlePose<const D: usize>: Copy + PartialEq + std::fmt::Debug {

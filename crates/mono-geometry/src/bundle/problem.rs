@@ -10,8 +10,8 @@ use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::linalg::cholesky;
 use crate::motion::Increment;
-use estimation_base::Se2;
 use crate::se3::Se3;
+use estimation_base::Se2;
 
 /// A landmark seen in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]

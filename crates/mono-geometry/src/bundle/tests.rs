@@ -13,9 +13,9 @@ use super::problem::{
 use super::schur::Schur;
 use crate::camera::Pinhole;
 use crate::robust_loss::RobustLoss;
-use estimation_base::Se2;
 use crate::se3::Se3;
 use crate::so3;
+use estimation_base::Se2;
 
 type C = Complex<f64>;
 

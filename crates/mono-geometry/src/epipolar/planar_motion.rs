@@ -37,12 +37,12 @@ use super::Correspondence;
 use super::refine::{Freedom, refine};
 use super::relative_pose::in_front;
 use super::scorer::EpipolarModel;
-use estimation_base::wrap;
 use crate::linalg::null_space;
 use crate::mount::Mount;
 use crate::ransac::Solver;
 use crate::se3::Se3;
 use crate::so3::hat;
+use estimation_base::wrap;
 
 /// Sums of a few products of unit vectors.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;

@@ -125,7 +125,11 @@ fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
     let Some(reference) = &record.reference else {
         return Ok(None);
     };
-    let estimate: Vec<_> = record.frames.iter().map(|f| (f.time_s, f.pose)).collect();
+    let estimate: Vec<_> = record
+        .frames
+        .iter()
+        .map(|f| (f.time_s, f.report.estimate.pose))
+        .collect();
     let error = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::None)?;
     Ok(Some(error.translation_m.rmse))
 }

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
 
-use slam_pipeline::record::LandmarkRecord;
+use slam_pipeline::MapLandmark;
 
 use super::error::OutputError;
 
@@ -33,7 +33,7 @@ const DESCRIPTOR_BYTES: usize = 128;
 const LANDMARK_BYTES: usize = 4 + 4 + 24 + 72 + 1;
 
 /// The bytes of a map file.
-pub(super) fn encode_map(landmarks: &[LandmarkRecord]) -> Vec<u8> {
+pub(super) fn encode_map(landmarks: &[MapLandmark]) -> Vec<u8> {
     let largest =
         HEADER_BYTES + landmarks.len() * (LANDMARK_BYTES + DESCRIPTOR_BYTES) + CHECKSUM_BYTES;
     let mut bytes = Vec::with_capacity(largest);
@@ -66,13 +66,13 @@ pub(super) fn encode_map(landmarks: &[LandmarkRecord]) -> Vec<u8> {
 /// # Errors
 /// [`OutputError::Io`] when the file cannot be read; [`OutputError::Malformed`] when the bytes are no map, of another
 /// version, cut short, longer than they say, or fail their checksum.
-pub fn read_map(path: &Path) -> Result<Vec<LandmarkRecord>, OutputError> {
+pub fn read_map(path: &Path) -> Result<Vec<MapLandmark>, OutputError> {
     let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
     decode_map(path, &bytes)
 }
 
 /// Landmarks from a map file's bytes; `path` is for messages.
-fn decode_map(path: &Path, bytes: &[u8]) -> Result<Vec<LandmarkRecord>, OutputError> {
+fn decode_map(path: &Path, bytes: &[u8]) -> Result<Vec<MapLandmark>, OutputError> {
     let fault = |expected: String, found: String| OutputError::malformed(path, expected, found);
     if bytes.len() < HEADER_BYTES + CHECKSUM_BYTES {
         let least = HEADER_BYTES + CHECKSUM_BYTES;
@@ -144,7 +144,7 @@ impl Bytes<'_> {
         self.take().map(f64::from_le_bytes)
     }
 
-    fn landmark(&mut self) -> Option<LandmarkRecord> {
+    fn landmark(&mut self) -> Option<MapLandmark> {
         let id = self.u32()?;
         let observations = self.u32()?;
         let position = Vector3::new(self.f64()?, self.f64()?, self.f64()?);
@@ -159,7 +159,7 @@ impl Bytes<'_> {
             [1] => Some(Box::new(self.take::<DESCRIPTOR_BYTES>()?)),
             _ => return None,
         };
-        Some(LandmarkRecord {
+        Some(MapLandmark {
             id,
             position,
             covariance,

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use slam_pipeline::record::LandmarkRecord;
+use slam_pipeline::MapLandmark;
 
 use crate::figures::uncertainty_m;
 
@@ -21,7 +21,7 @@ const COLOURS: [[f64; 3]; 3] = [
 ];
 
 /// The whole file.
-pub(super) fn ply(landmarks: &[LandmarkRecord]) -> String {
+pub(super) fn ply(landmarks: &[MapLandmark]) -> String {
     let mut text = format!(
         "ply\nformat ascii 1.0\ncomment metres; x forward, y left, z up of the first body pose\n\
          element vertex {}\n\

@@ -8,8 +8,9 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::record::{LandmarkRecord, PlanarPose};
+use slam_pipeline::MapLandmark;
 
 use super::error::OutputError;
 use crate::disk::Pose;
@@ -77,7 +78,7 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
 }
 
 /// A run from the file and the landmarks of its map.
-pub(super) fn read(path: &Path, landmarks: Vec<LandmarkRecord>) -> Result<RunRecord, OutputError> {
+pub(super) fn read(path: &Path, landmarks: Vec<MapLandmark>) -> Result<RunRecord, OutputError> {
     let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
     let data: ReportData<'_> = serde_json::from_slice(&bytes).map_err(|error| {
         OutputError::malformed(path, "the data of a finished run", error.to_string())
@@ -110,11 +111,11 @@ pub(super) fn read(path: &Path, landmarks: Vec<LandmarkRecord>) -> Result<RunRec
     })
 }
 
-fn to_disk(path: &[(f64, PlanarPose)]) -> Vec<(f64, Pose)> {
+fn to_disk(path: &[(f64, Se2)]) -> Vec<(f64, Pose)> {
     path.iter().map(|&(t_s, pose)| (t_s, pose.into())).collect()
 }
 
-fn from_disk(path: Vec<(f64, Pose)>) -> Vec<(f64, PlanarPose)> {
+fn from_disk(path: Vec<(f64, Pose)>) -> Vec<(f64, Se2)> {
     path.into_iter()
         .map(|(t_s, pose)| (t_s, pose.into()))
         .collect()

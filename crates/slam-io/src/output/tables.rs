@@ -2,13 +2,13 @@
 
 use std::fmt::Write as _;
 
-use slam_pipeline::record::PlanarPose;
+use mono_geometry::Se2;
 
 use super::error::OutputError;
 use crate::record::FrameRecord;
 
 /// Poses in TUM format: height zero, rotation about z.
-pub(super) fn tum(path: impl Iterator<Item = (f64, PlanarPose)>) -> String {
+pub(super) fn tum(path: impl Iterator<Item = (f64, Se2)>) -> String {
     let mut text = String::from("# t_s x_m y_m z_m qx qy qz qw (body in world)\n");
     for (t_s, pose) in path {
         let (sin, cos) = (0.5 * pose.phi).sin_cos();
@@ -22,7 +22,7 @@ pub(super) fn tum(path: impl Iterator<Item = (f64, PlanarPose)>) -> String {
 pub(super) fn covariance_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError> {
     let header = ["frame", "t_s", "xx", "xy", "xphi", "yy", "yphi", "phiphi"];
     table(header, frames, |frame| {
-        let c = &frame.covariance;
+        let c = &frame.report.estimate.covariance;
         [
             frame.index.to_string(),
             frame.time_s.to_string(),
@@ -69,17 +69,17 @@ pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError>
         [
             frame.index.to_string(),
             frame.time_s.to_string(),
-            u8::from(frame.keyframe).to_string(),
+            u8::from(frame.report.keyframe).to_string(),
             frame.keypoints.to_string(),
-            frame.matches.to_string(),
-            frame.new_landmarks.to_string(),
-            frame.outliers.to_string(),
-            frame.landmarks.to_string(),
-            frame.n_eff.to_string(),
-            frame.unique_ancestors.to_string(),
-            u8::from(frame.resampled).to_string(),
-            optional(frame.es_acceptance),
-            optional(frame.nis),
+            frame.report.matches.to_string(),
+            frame.report.new_landmarks.to_string(),
+            frame.report.outliers.to_string(),
+            frame.report.landmarks.to_string(),
+            frame.report.n_eff.to_string(),
+            frame.report.unique_ancestors.to_string(),
+            u8::from(frame.report.resampled).to_string(),
+            optional(frame.report.es_acceptance),
+            optional(frame.report.nis),
             times.decode_ms.to_string(),
             times.features_ms.to_string(),
             times.association_ms.to_string(),
@@ -87,7 +87,7 @@ pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError>
             times.evolution_ms.to_string(),
             times.mapping_ms.to_string(),
             times.total_ms.to_string(),
-            frame.notes.join("; "),
+            frame.report.notes.join("; "),
         ]
     })
 }

@@ -13,7 +13,7 @@ use crate::camera::MountFile;
 use crate::error::SequenceError;
 use crate::text::{increasing, line_fault, read_table};
 use crate::tum::read_tum;
-use slam_pipeline::record::PlanarPose;
+use mono_geometry::Se2;
 
 /// A reference pose this near to the first frame's time (seconds) is that frame's pose.
 const SAME_TIME_S: f64 = 0.01;
@@ -23,7 +23,7 @@ pub(super) fn read_reference(
     root: &Path,
     mount: &MountFile,
     first_frame_s: f64,
-) -> Result<Option<Vec<(f64, PlanarPose)>>, SequenceError> {
+) -> Result<Option<Vec<(f64, Se2)>>, SequenceError> {
     let planar = root.join("groundtruth_planar.csv");
     let tum = root.join("groundtruth.txt");
     let poses = if planar.exists() {
@@ -76,10 +76,7 @@ fn isometry_of(mount: &MountFile) -> Isometry3<f64> {
 }
 
 /// Poses relative to the one at the first frame's time (or to the first of all), flattened.
-fn relative_to_first(
-    poses: &[(f64, Isometry3<f64>)],
-    first_frame_s: f64,
-) -> Vec<(f64, PlanarPose)> {
+fn relative_to_first(poses: &[(f64, Isometry3<f64>)], first_frame_s: f64) -> Vec<(f64, Se2)> {
     let origin = poses
         .iter()
         .min_by(|a, b| {
@@ -99,9 +96,9 @@ fn relative_to_first(
         .collect()
 }
 
-fn flattened(pose: &Isometry3<f64>) -> PlanarPose {
+fn flattened(pose: &Isometry3<f64>) -> Se2 {
     let forward = pose.rotation * nalgebra::Vector3::x();
-    PlanarPose {
+    Se2 {
         x: pose.translation.x,
         y: pose.translation.y,
         phi: forward.y.atan2(forward.x),

@@ -40,7 +40,7 @@ fn every_file_is_there_and_nothing_else() {
     // A second run into the same folder replaces the files.
     let before = fs::read(out.join("trajectory.tum")).unwrap();
     let mut other = small_run();
-    other.frames[3].pose.x += 1e-9;
+    other.frames[3].report.estimate.pose.x += 1e-9;
     write_run(&other, &out, &[]).unwrap();
     assert_eq!(names(&out), FILES);
     assert_ne!(fs::read(out.join("trajectory.tum")).unwrap(), before);
@@ -93,10 +93,14 @@ fn trajectories_read_back_exactly() {
         let position = pose.world_from_frame.translation.vector;
         assert_eq!(
             (position.x, position.y, position.z),
-            (frame.pose.x, frame.pose.y, 0.0)
+            (
+                frame.report.estimate.pose.x,
+                frame.report.estimate.pose.y,
+                0.0
+            )
         );
         let heading = pose.world_from_frame.rotation.euler_angles().2;
-        assert!((heading - frame.pose.phi).abs() < 1e-15);
+        assert!((heading - frame.report.estimate.pose.phi).abs() < 1e-15);
     }
     let smoothed = read_tum(&folder.path().join("trajectory_smoothed.tum")).unwrap();
     assert_eq!(
@@ -115,7 +119,7 @@ fn covariances_read_back_exactly() {
     assert_eq!(lines.next(), Some("frame,t_s,xx,xy,xphi,yy,yphi,phiphi"));
     for (line, frame) in lines.zip(&run.frames) {
         let values: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
-        let c = &frame.covariance;
+        let c = &frame.report.estimate.covariance;
         let expected = [
             c[(0, 0)],
             c[(0, 1)],
@@ -193,8 +197,11 @@ fn a_run_reads_back() {
     assert_eq!(back.snapshots, run.snapshots);
     assert_eq!(back.configuration, run.configuration);
     assert_eq!(back.frames.len(), run.frames.len());
-    assert_eq!(back.frames[5].notes, run.frames[5].notes);
-    assert!((back.frames[5].pose.x - run.frames[5].pose.x).abs() < 1e-15);
+    assert_eq!(back.frames[5].report.notes, run.frames[5].report.notes);
+    assert!(
+        (back.frames[5].report.estimate.pose.x - run.frames[5].report.estimate.pose.x).abs()
+            < 1e-15
+    );
 }
 
 #[test]
@@ -220,10 +227,10 @@ fn a_result_that_is_not_finite_is_refused_before_anything_is_written() {
     let out = folder.path().join("out");
     let damages: [Damage; 5] = [
         ("time or pose of frame 3", |run| {
-            run.frames[3].pose.phi = f64::NAN;
+            run.frames[3].report.estimate.pose.phi = f64::NAN;
         }),
         ("covariance of frame 2", |run| {
-            run.frames[2].covariance[(1, 2)] = f64::INFINITY;
+            run.frames[2].report.estimate.covariance[(1, 2)] = f64::INFINITY;
         }),
         ("landmark 6", |run| {
             run.landmarks[2].position.z = f64::NAN;
@@ -290,7 +297,7 @@ fn the_summary_tells_the_errors_of_all_three_paths() {
     let filtered: Vec<_> = run
         .frames
         .iter()
-        .map(|frame| (frame.time_s, frame.pose))
+        .map(|frame| (frame.time_s, frame.report.estimate.pose))
         .collect();
     let reference = run.reference.unwrap();
     let aligned =

@@ -126,7 +126,7 @@ impl Landmark {
     /// World point and its covariance by first-order propagation, in the
     /// particle's length unit; `None` when the depth is not positive.
     #[must_use]
-    pub(crate) fn to_point(&self, geometry: &LandmarkGeometry) -> Option<PointEstimate> {
+    pub(crate) fn point(&self, geometry: &LandmarkGeometry) -> Option<PointEstimate> {
         let (position, covariance) = geometry.to_point(&self.mean, &self.covariance)?;
         Some(PointEstimate {
             position,

@@ -95,7 +95,7 @@ impl Particle {
         landmark: &Landmark,
         position_in_body: &Vector3<f64>,
     ) -> Option<PointEstimate> {
-        let point = landmark.to_point(&self.geometry(landmark)?)?;
+        let point = landmark.point(&self.geometry(landmark)?)?;
         let Some(anchor) = landmark.anchor() else {
             return Some(point);
         };

@@ -1,7 +1,7 @@
 //! The reported pose and its covariance, at keyframes and between them.
 
-use mono_geometry::Se2;
 use estimation_base::wrap;
+use mono_geometry::Se2;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rbpf_core::ParticleSet;
 

@@ -24,7 +24,7 @@ impl PoseEstimate {
 }
 
 /// The use that was made of a keypoint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KeypointFate {
     /// It was matched to a landmark of the map and used.
     Matched,
@@ -87,8 +87,8 @@ pub struct MapLandmark {
     pub covariance: Matrix3<f64>,
     /// Number of keyframes that measured it.
     pub observations: u32,
-    /// Descriptor of its last sighting.
-    pub descriptor: Box<[u8; 128]>,
+    /// Descriptor of its last sighting; `None` for a landmark read from a map file without descriptors.
+    pub descriptor: Option<Box<[u8; 128]>>,
 }
 
 /// A stage of a frame.

@@ -38,7 +38,7 @@ impl Slam {
                     position: point.position,
                     covariance: point.covariance,
                     observations: entry.observations,
-                    descriptor: entry.descriptor.clone(),
+                    descriptor: Some(entry.descriptor.clone()),
                 })
             })
             .collect()

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use slam_io::{DrawnKeypoint, FrameSnapshot, RunRecord, read_run, write_run};
-use slam_pipeline::record::{KeypointFate, LandmarkRecord};
+use slam_pipeline::{KeypointFate, MapLandmark};
 use slam_report::render_run_html;
 
 use crate::run::{FRAMES, small_run};
@@ -106,7 +106,7 @@ fn without_a_reference_there_are_no_errors() {
     assert!(!page.contains("Error against the reference"));
     assert!(page.contains("no reference to compare with"));
     // A reference of another time is as good as none.
-    run.reference = Some(vec![(1e6, run.frames[0].pose)]);
+    run.reference = Some(vec![(1e6, run.frames[0].report.estimate.pose)]);
     assert!(!render_run_html(&run).contains("Error against the reference"));
 }
 
@@ -120,7 +120,7 @@ fn odd_runs_have_a_page_too() {
         |run| run.dead_reckoning.clear(),
         |run| {
             for frame in &mut run.frames {
-                frame.keyframe = false;
+                frame.report.keyframe = false;
             }
         },
         |run| run.particles = 0,
@@ -135,10 +135,10 @@ fn odd_runs_have_a_page_too() {
 #[test]
 fn values_that_are_not_finite_are_left_out() {
     let mut run = small_run();
-    run.frames[3].pose.x = f64::NAN;
-    run.frames[4].covariance *= f64::NAN;
-    run.frames[5].nis = Some(f64::INFINITY);
-    run.frames[6].n_eff = f64::NAN;
+    run.frames[3].report.estimate.pose.x = f64::NAN;
+    run.frames[4].report.estimate.covariance *= f64::NAN;
+    run.frames[5].report.nis = Some(f64::INFINITY);
+    run.frames[6].report.n_eff = f64::NAN;
     run.frames[7].times.features_ms = f64::NAN;
     run.dead_reckoning[2].y = f64::NEG_INFINITY;
     run.landmarks[1].position.x = f64::NAN;
@@ -181,20 +181,24 @@ fn long_runs_stay_below_three_megabytes() {
             let mut frame = frames[index % FRAMES].clone();
             frame.index = index;
             frame.time_s = 0.1 * index as f64;
-            frame.pose.x = 0.05 * index as f64;
-            frame.pose.y = (0.01 * index as f64).sin();
+            frame.report.estimate.pose.x = 0.05 * index as f64;
+            frame.report.estimate.pose.y = (0.01 * index as f64).sin();
             frame
         })
         .collect();
-    run.dead_reckoning = run.frames.iter().map(|frame| frame.pose).collect();
+    run.dead_reckoning = run
+        .frames
+        .iter()
+        .map(|frame| frame.report.estimate.pose)
+        .collect();
     run.reference = Some(
         run.frames
             .iter()
-            .map(|frame| (frame.time_s, frame.pose))
+            .map(|frame| (frame.time_s, frame.report.estimate.pose))
             .collect(),
     );
     run.landmarks = (0..30_000_u32)
-        .map(|id| LandmarkRecord {
+        .map(|id| MapLandmark {
             id,
             position: Vector3::new(f64::from(id) * 0.01, f64::from(id % 97) * 0.1, 0.0),
             covariance: Matrix3::identity() * 1e-4 * f64::from(1 + id % 50),

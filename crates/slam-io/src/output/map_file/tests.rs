@@ -2,9 +2,9 @@
 
 use super::*;
 
-fn landmarks() -> Vec<LandmarkRecord> {
+fn landmarks() -> Vec<MapLandmark> {
     (0..5_u32)
-        .map(|id| LandmarkRecord {
+        .map(|id| MapLandmark {
             id: 3 * id,
             position: Vector3::new(f64::from(id) / 3.0, 2.0, 0.1),
             covariance: Matrix3::identity() * (1e-4 * f64::from(1 + id * id * id)),

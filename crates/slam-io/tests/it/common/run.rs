@@ -1,8 +1,9 @@
 //! A small run with every kind of value in it.
 
+use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector3};
 use slam_io::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, StageTimes};
-use slam_pipeline::record::{KeypointFate, LandmarkRecord, PlanarPose};
+use slam_pipeline::{FrameReport, KeypointFate, MapLandmark, PoseEstimate};
 
 /// Frames of [`small_run`].
 pub(crate) const FRAMES: usize = 12;
@@ -11,7 +12,7 @@ pub(crate) const FRAMES: usize = 12;
 pub(crate) fn small_run() -> RunRecord {
     let truth = |index: usize| {
         let phi = 0.02 * index as f64;
-        PlanarPose {
+        Se2 {
             x: phi.sin() * 5.0,
             y: (1.0 - phi.cos()) * 5.0,
             phi,
@@ -24,33 +25,43 @@ pub(crate) fn small_run() -> RunRecord {
             FrameRecord {
                 index,
                 time_s: 0.1 * index as f64,
-                pose: PlanarPose {
-                    x: exact.x + 0.003 * index as f64 / 3.0,
-                    y: exact.y,
-                    phi: exact.phi + 0.001,
-                },
-                covariance: Matrix3::new(
-                    spread,
-                    1e-5,
-                    0.0,
-                    1e-5,
-                    2.0 * spread,
-                    1e-6,
-                    0.0,
-                    1e-6,
-                    spread / 10.0,
-                ),
-                keyframe: index % 2 == 0,
                 keypoints: 100 + index,
-                matches: 60,
-                outliers: 4,
-                new_landmarks: if index == 0 { 40 } else { 2 },
-                landmarks: 40 + 2 * index,
-                n_eff: 50.0 / (1.0 + (index % 3) as f64),
-                unique_ancestors: 50 - index,
-                resampled: index % 3 == 2,
-                es_acceptance: (index > 1).then_some(0.25),
-                nis: (index > 0).then_some(0.9 + 0.02 * index as f64),
+                report: FrameReport {
+                    estimate: PoseEstimate {
+                        pose: Se2 {
+                            x: exact.x + 0.003 * index as f64 / 3.0,
+                            y: exact.y,
+                            phi: exact.phi + 0.001,
+                        },
+                        covariance: Matrix3::new(
+                            spread,
+                            1e-5,
+                            0.0,
+                            1e-5,
+                            2.0 * spread,
+                            1e-6,
+                            0.0,
+                            1e-6,
+                            spread / 10.0,
+                        ),
+                    },
+                    keyframe: index % 2 == 0,
+                    matches: 60,
+                    outliers: 4,
+                    new_landmarks: if index == 0 { 40 } else { 2 },
+                    landmarks: 40 + 2 * index,
+                    n_eff: 50.0 / (1.0 + (index % 3) as f64),
+                    unique_ancestors: 50 - index,
+                    resampled: index % 3 == 2,
+                    es_acceptance: (index > 1).then_some(0.25),
+                    nis: (index > 0).then_some(0.9 + 0.02 * index as f64),
+                    notes: if index == 5 {
+                        vec!["too few matches, \"odometry\" only".into()]
+                    } else {
+                        Vec::new()
+                    },
+                    keypoints: Vec::new(),
+                },
                 times: StageTimes {
                     decode_ms: 1.0,
                     features_ms: 20.0,
@@ -60,16 +71,11 @@ pub(crate) fn small_run() -> RunRecord {
                     mapping_ms: 4.0,
                     total_ms: 35.0,
                 },
-                notes: if index == 5 {
-                    vec!["too few matches, \"odometry\" only".into()]
-                } else {
-                    Vec::new()
-                },
             }
         })
         .collect();
     let landmarks = (0..5_u32)
-        .map(|id| LandmarkRecord {
+        .map(|id| MapLandmark {
             id: 3 * id,
             position: Vector3::new(f64::from(id) / 3.0, 2.0, 0.1),
             covariance: Matrix3::identity() * (1e-4 * f64::from(1 + id * id * id)),
@@ -88,7 +94,7 @@ pub(crate) fn small_run() -> RunRecord {
         dead_reckoning: (0..FRAMES)
             .map(|index| {
                 let exact = truth(index);
-                PlanarPose {
+                Se2 {
                     y: exact.y - 0.01 * index as f64,
                     ..exact
                 }

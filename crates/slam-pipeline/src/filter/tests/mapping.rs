@@ -193,7 +193,7 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     // In metres: the scale stretches the world about the anchor.
     started.metric.mean[MetricState::SCALE] = 1.1;
     let metric = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
-    let unit = landmark.to_point(&p.geometry(&landmark).unwrap()).unwrap();
+    let unit = landmark.point(&p.geometry(&landmark).unwrap()).unwrap();
     assert!((metric.position - unit.position * 1.1).norm() < 1e-12);
     assert!((metric.covariance - unit.covariance * 1.21).norm() < 1e-12);
     // The delayed methods wait for two views.
