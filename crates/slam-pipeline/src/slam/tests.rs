@@ -1,4 +1,4 @@
-//! A stage that no input can make fail is made to fail from inside.
+//! The stages that no input can make fail are made to fail from inside: they leave no trace either.
 
 use mono_geometry::{Camera, Distortion, Mount, Pinhole};
 use vision_sift::{Features, Keypoint};
@@ -37,32 +37,54 @@ fn features(count: u8) -> Features {
     }
 }
 
-#[test]
-fn an_index_that_refuses_leaves_no_trace() {
+/// A system of `method` after a first frame of `features(8)`, about to make a keyframe of the next one.
+fn after_the_first_frame(method: Method) -> Slam {
     let mut config = Config::default();
-    config.filter.method = Method::Paper;
+    config.filter.method = method;
     let mut slam = Slam::new(rig(), &config.check().unwrap()).unwrap();
-    let step = |slam: &mut Slam| {
-        let input = FrameInput {
-            features: &features(8),
-            odometry: &[],
-        };
-        slam.step(&input, &mut |_| {})
-    };
-    step(&mut slam).unwrap();
-    // The next identities are in the forest already.
-    slam.state.catalogue.restart_identities();
-    // A keyframe whose keypoints match nothing: all of them are new features.
-    let input = FrameInput {
-        features: &Features {
-            descriptors: vec![[200; 128]; 8],
-            ..features(8)
-        },
+    let first = FrameInput {
+        features: &features(8),
         odometry: &[],
     };
+    slam.step(&first, &mut |_| {}).unwrap();
     slam.state.frames_since_keyframe = 100;
+    slam
+}
+
+/// Gives `next` to `slam`, which refuses it and is what it was.
+fn refusal(slam: &mut Slam, next: &Features) -> SlamError {
     let before = format!("{slam:?}");
+    let input = FrameInput {
+        features: next,
+        odometry: &[],
+    };
     let error = slam.step(&input, &mut |_| {}).unwrap_err();
+    assert_eq!(format!("{slam:?}"), before, "{error}");
+    error
+}
+
+#[test]
+fn an_index_that_refuses_leaves_no_trace() {
+    let mut slam = after_the_first_frame(Method::Paper);
+    // The next identities are in the forest already.
+    slam.state.catalogue.restart_identities();
+    // Keypoints that match nothing are new features.
+    let strangers = Features {
+        descriptors: vec![[200; 128]; 8],
+        ..features(8)
+    };
+    let error = refusal(&mut slam, &strangers);
     assert!(matches!(error, SlamError::Index(_)), "{error}");
-    assert_eq!(format!("{slam:?}"), before);
+}
+
+#[test]
+fn a_filter_step_that_fails_leaves_no_trace() {
+    let mut slam = after_the_first_frame(Method::Exact);
+    // The weight of this particle is not a number.
+    slam.state.filter.particles_mut()[3].pose.phi = f64::NAN;
+    let error = refusal(&mut slam, &features(8));
+    assert!(
+        matches!(error, SlamError::Filter { frame: 1, .. }),
+        "{error}"
+    );
 }
