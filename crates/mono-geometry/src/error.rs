@@ -120,3 +120,24 @@ pub(crate) fn checked(
         })
     }
 }
+
+impl From<estimation_base::CholeskyError> for GeometryError {
+    fn from(error: estimation_base::CholeskyError) -> Self {
+        use estimation_base::CholeskyError;
+        let (pivot, value, required) = match error {
+            CholeskyError::NotPositiveDefinite {
+                pivot,
+                value,
+                required,
+            } => (pivot, value, required),
+            CholeskyError::NotFinite { row, value, .. } => (row, value, 0.0),
+            // Only semidefinite and symmetric checks give others, which this crate does not make.
+            _ => (0, f64::NAN, 0.0),
+        };
+        Self::NotPositiveDefinite {
+            pivot,
+            value,
+            required,
+        }
+    }
+}

@@ -211,45 +211,15 @@ pub fn lstsq(matrix: &DMatrix<f64>, b: &DVector<f64>) -> Result<LeastSquares, Ge
     })
 }
 
-/// Cholesky factorisation of a symmetric positive definite matrix; only the lower triangle is read. O(N^3).
+/// The Cholesky factor of [`estimation_base`], which names the pivot at which it fails, with nalgebra's solutions.
 ///
 /// # Errors
-/// [`GeometryError::NotPositiveDefinite`] with the first pivot at or below N eps times its diagonal entry (or NaN): below that
-/// the pivot is rounding error. The test does not depend on the units of the variables.
-pub fn cholesky<const N: usize>(
+/// [`GeometryError::NotPositiveDefinite`] with the first pivot at or below N eps times its diagonal entry (or NaN).
+pub(crate) fn cholesky<const N: usize>(
     matrix: &SMatrix<f64, N, N>,
 ) -> Result<Cholesky<f64, Const<N>>, GeometryError> {
-    let mut lower = SMatrix::<f64, N, N>::zeros();
-    for j in 0..N {
-        let mut value = matrix[(j, j)];
-        let required = N as f64 * f64::EPSILON * value.max(0.0);
-        for k in 0..j {
-            value -= lower[(j, k)] * lower[(j, k)];
-        }
-        if !(value > required && value.is_finite()) {
-            return Err(GeometryError::NotPositiveDefinite {
-                pivot: j,
-                value,
-                required,
-            });
-        }
-        let pivot = value.sqrt();
-        lower[(j, j)] = pivot;
-        for i in j + 1..N {
-            let mut sum = matrix[(i, j)];
-            for k in 0..j {
-                sum -= lower[(i, k)] * lower[(j, k)];
-            }
-            lower[(i, j)] = sum / pivot;
-        }
-    }
-    Ok(Cholesky::pack_dirty(lower))
-}
-
-/// (A + A^T) / 2.
-#[must_use]
-pub fn symmetrize<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-    (matrix + matrix.transpose()) * 0.5
+    let factor = estimation_base::Cholesky::definite(matrix)?;
+    Ok(Cholesky::pack_dirty(*factor.lower()))
 }
 
 /// The rotation nearest to a matrix in the Frobenius norm: U diag(1, 1, det(U V^T)) V^T.
@@ -283,4 +253,38 @@ fn power_of_two_near(value: f64) -> f64 {
     }
     let exponent = value.log2().floor().clamp(-1000.0, 1000.0);
     exponent.exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix4;
+
+    use super::*;
+
+    #[test]
+    fn cholesky_solves_or_names_the_pivot() {
+        let a = Matrix4::new(
+            4.0, 2.0, 0.0, 0.0, 2.0, 5.0, 1.0, 0.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.0, 0.5, 1.0,
+        );
+        let x = nalgebra::Vector4::new(1.0, -2.0, 3.0, 0.5);
+        assert!((a.cholesky().unwrap().solve(&(a * x)) - x).norm() < 1e-14);
+        let mut bad = a;
+        bad[(2, 2)] = 0.2;
+        assert!(matches!(
+            cholesky(&bad).unwrap_err(),
+            GeometryError::NotPositiveDefinite { pivot: 2, .. }
+        ));
+        // Exactly singular: rounding must not pass for a pivot.
+        let v = Vector3::new(0.1, 0.2, 0.3);
+        let singular = v * v.transpose() + Vector3::x() * Vector3::x().transpose();
+        assert!(matches!(
+            cholesky(&singular).unwrap_err(),
+            GeometryError::NotPositiveDefinite { pivot: 2, .. }
+        ));
+        assert!(cholesky(&Matrix3::<f64>::zeros()).is_err());
+        assert!(cholesky(&Matrix3::from_element(f64::NAN)).is_err());
+        // Neither the scale nor the mixture of units matters.
+        assert!(cholesky(&Matrix3::from_diagonal(&Vector3::new(1e8, 1e-12, 1.0))).is_ok());
+        assert!(cholesky(&(Matrix3::identity() * 1e-200)).is_ok());
+    }
 }

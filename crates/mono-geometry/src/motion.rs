@@ -17,11 +17,10 @@
 //! mean leaves out the second-order shortening by sigma_w^2 / 2 of the path, below 1e-3 while the heading noise of an
 //! increment is below 0.04 rad.
 
+use estimation_base::{Se2, symmetric};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{GeometryError, checked};
-use crate::linalg::symmetrize;
-use estimation_base::Se2;
 
 /// Motion of constant forward speed (m/s) and turning rate (rad/s) held for `dt` seconds, in the starting body frame.
 ///
@@ -143,7 +142,7 @@ impl Increment {
         let adjoint = next.mean.inverse().adjoint();
         Self {
             mean: self.mean.compose(&next.mean),
-            covariance: symmetrize(
+            covariance: symmetric(
                 &(adjoint * self.covariance * adjoint.transpose() + next.covariance),
             ),
         }

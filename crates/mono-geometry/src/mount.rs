@@ -5,12 +5,12 @@
 //! (x, y, height). Positive pitch lowers the nose, positive roll lowers the right side. With roll = pitch = height = 0
 //! this is the planar model of the paper, whose camera looks sideways (theta_cr = 90 degrees in its Table I).
 
+use estimation_base::Se2;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::error::{GeometryError, checked};
 use crate::se3::Se3;
 use crate::so3::rotation_from_matrix;
-use estimation_base::Se2;
 
 /// Pose of the camera in the body.
 #[derive(Debug, Clone, Copy, PartialEq)]

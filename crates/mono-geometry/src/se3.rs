@@ -5,9 +5,9 @@
 //! pose = mean * exp(delta), so delta lives in the axes of the source frame (the camera's own axes for
 //! `world_from_camera`). Formulas: Solà, Deray and Atchuthan (2018).
 
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
-
+use estimation_base::Manifold;
 use estimation_base::series::x_minus_sin_over_x3;
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
 
 use crate::series::{fifth_order_quotient, fourth_order_quotient};
 use crate::so3;
@@ -155,17 +155,20 @@ impl Se3 {
     pub fn right_jacobian_inverse(twist: &Vector6<f64>) -> Matrix6<f64> {
         Self::left_jacobian_inverse(&-twist)
     }
+}
 
-    /// Retraction: self * exp(delta), delta = (rho, omega) in the axes of the source frame.
-    #[must_use]
-    pub fn plus(&self, delta: &Vector6<f64>) -> Self {
-        self.compose(&Self::exp(delta))
+/// The tangent is at the right: delta = (rho, omega) in the axes of the source frame.
+impl Manifold<6> for Se3 {
+    fn retract(&self, delta: &Vector6<f64>) -> Self {
+        let mut moved = self.compose(&Self::exp(delta));
+        // Many products of rotations drift off the group by rounding; one Newton step on R^T R = I takes it out.
+        moved.rotation.renormalize();
+        moved
     }
 
-    /// The delta with `base.plus(delta) == self` and a rotation of at most pi: log(base^-1 * self).
-    #[must_use]
-    pub fn minus(&self, base: &Self) -> Vector6<f64> {
-        base.inverse().compose(self).log()
+    /// log(self^-1 * other), of a rotation of at most pi.
+    fn local(&self, other: &Self) -> Vector6<f64> {
+        self.inverse().compose(other).log()
     }
 }
 

@@ -1,8 +1,7 @@
-//! Trigonometric quotients that are smooth at zero and 0/0 in their naive form.
+//! Trigonometric quotients of the Jacobians of SO(3) and SE(3) that are 0/0 at zero in their naive form.
 //!
-//! The Jacobians of SO(3) and SE(3) are built from them and from those of [`estimation_base::series`]. Each is accurate to
-//! a few units in the last place over the whole range: half-angle identities where they remove the
-//! cancellation, power series where they do not.
+//! Each is accurate to a few units in the last place over the whole range, by power series where the closed form
+//! cancels. Those of lower order, which SE(2) needs too, are in [`estimation_base::series`].
 
 /// (x^2 + 2 cos x - 2) / (2 x^4), of the Jacobian of SE(3).
 pub(crate) fn fourth_order_quotient(x: f64) -> f64 {

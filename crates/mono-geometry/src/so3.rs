@@ -5,12 +5,11 @@
 //! turn, where the textbook acos((tr R - 1) / 2) loses half the digits. At exactly half a turn the axis has two signs;
 //! either is right. Formulas: Solà, Deray and Atchuthan (2018); Barfoot (2017).
 
+use estimation_base::series::{sinc, versine_over_x2, x_minus_sin_over_x3};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::error::GeometryError;
 use crate::linalg::nearest_rotation;
-use estimation_base::series::{sinc, versine_over_x2, x_minus_sin_over_x3};
-
 use crate::series::inverse_jacobian_coefficient;
 
 /// Largest entry of |R^T R - I| accepted from outside.
@@ -83,24 +82,6 @@ pub fn left_jacobian_inverse(rotation_vector: &Vector3<f64>) -> Matrix3<f64> {
 #[must_use]
 pub fn right_jacobian_inverse(rotation_vector: &Vector3<f64>) -> Matrix3<f64> {
     left_jacobian_inverse(rotation_vector).transpose()
-}
-
-/// Adjoint: exp(Ad w) = R exp(w) R^-1. For rotations it is the matrix itself.
-#[must_use]
-pub fn adjoint(rotation: &Rotation3<f64>) -> Matrix3<f64> {
-    *rotation.matrix()
-}
-
-/// Retraction: rotation * exp(delta), delta in the source axes of the rotation, radians.
-#[must_use]
-pub fn plus(rotation: &Rotation3<f64>, delta: &Vector3<f64>) -> Rotation3<f64> {
-    rotation * exp(delta)
-}
-
-/// The delta of length at most pi with `plus(base, delta) == rotation`: log(base^-1 * rotation).
-#[must_use]
-pub fn minus(rotation: &Rotation3<f64>, base: &Rotation3<f64>) -> Vector3<f64> {
-    log(&(base.inverse() * rotation))
 }
 
 /// Checks that a matrix read from outside is a proper rotation, and returns the nearest exact one.

@@ -8,10 +8,11 @@
 //!
 //! Degenerate: sightings that do not fix the parameters make J^T J singular; the caller says which rejection that is.
 
+use estimation_base::symmetric;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
-use crate::linalg::{cholesky, symmetrize};
+use crate::linalg::cholesky;
 use crate::triangulation::Rejection;
 
 /// A step this short, in standard deviations of the estimate, changes nothing that matters.
@@ -82,7 +83,7 @@ where
         cholesky(&normal.information).map_err(|_singular| (sightings.singular)(parameters))?;
     Ok(Minimum {
         parameters: *parameters,
-        covariance: symmetrize(&factor.inverse()),
+        covariance: symmetric(&factor.inverse()),
         chi_square: normal.chi_square,
         iterations,
     })

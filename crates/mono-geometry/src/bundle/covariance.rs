@@ -12,6 +12,7 @@
 //! second known pose it can be scaled too; S is singular and the answer is an error with the pivot, not large numbers.
 //! A landmark whose V is singular has no covariance (`None`).
 
+use estimation_base::symmetric;
 use nalgebra::{DMatrix, Matrix3, SMatrix};
 
 use super::layout::Layout;
@@ -20,7 +21,6 @@ use super::pose::BundlePose;
 use super::problem::Problem;
 use super::schur::{InverseRoot, Schur, follow};
 use crate::error::GeometryError;
-use crate::linalg::symmetrize;
 use crate::robust_loss::RobustLoss;
 
 /// The information of a coordinate, all others unknown, must be this many times what rounding leaves of a zero: then its
@@ -117,7 +117,7 @@ impl<const D: usize> Covariance<D> {
                 covariance += left.transpose() * block * follow(&self.w[j], root);
             }
         }
-        Some(symmetrize(&covariance))
+        Some(symmetric(&covariance))
     }
 
     fn block(&self, row: usize, column: usize) -> SMatrix<f64, D, D> {

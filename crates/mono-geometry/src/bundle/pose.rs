@@ -16,17 +16,15 @@
 //!
 //! Source: Solà, Deray and Atchuthan (2018), appendices on SE(2) and SE(3); Barfoot (2017), Eq. 7.86 and 7.95.
 
+use estimation_base::{Manifold, Se2};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 use crate::se3::Se3;
-use estimation_base::Se2;
 
 /// A pose `world_from_body` with D degrees of freedom: [`Se2`] with D = 3, [`Se3`] with D = 6.
-pub trait BundlePose<const D: usize>: Copy + PartialEq + std::fmt::Debug {
-    /// self * exp(delta).
-    #[must_use]
-    fn retract(&self, delta: &SVector<f64, D>) -> Self;
-
+///
+/// Its [`Manifold::retract`] is self * exp(delta).
+pub trait BundlePose<const D: usize>: Manifold<D> + Copy + PartialEq + std::fmt::Debug {
     /// The motion from this pose to `other`: self^-1 * other.
     #[must_use]
     fn between(&self, other: &Self) -> Self;
@@ -55,10 +53,6 @@ pub trait BundlePose<const D: usize>: Copy + PartialEq + std::fmt::Debug {
 }
 
 impl BundlePose<3> for Se2 {
-    fn retract(&self, delta: &SVector<f64, 3>) -> Self {
-        self.compose(&Self::exp(delta))
-    }
-
     fn between(&self, other: &Self) -> Self {
         Self::between(self, other)
     }
@@ -87,13 +81,6 @@ impl BundlePose<3> for Se2 {
 }
 
 impl BundlePose<6> for Se3 {
-    fn retract(&self, delta: &SVector<f64, 6>) -> Self {
-        let mut moved = self.compose(&Self::exp(delta));
-        // Many products of rotations drift off the group by rounding; one Newton step on R^T R = I takes it out.
-        moved.rotation.renormalize();
-        moved
-    }
-
     fn between(&self, other: &Self) -> Self {
         self.inverse().compose(other)
     }

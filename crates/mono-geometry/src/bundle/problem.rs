@@ -3,6 +3,7 @@
 //! A plain description with public fields; [`Problem::check`] finds the first entry that cannot be used. Poses and
 //! landmarks are the start of the minimisation, and its result goes to the same place.
 
+use estimation_base::Se2;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 use super::pose::BundlePose;
@@ -11,7 +12,6 @@ use crate::error::GeometryError;
 use crate::linalg::cholesky;
 use crate::motion::Increment;
 use crate::se3::Se3;
-use estimation_base::Se2;
 
 /// A landmark seen in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]

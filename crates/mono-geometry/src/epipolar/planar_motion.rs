@@ -31,6 +31,7 @@
 //! structure from motion for vehicle-mounted cameras, IJCV 2011; Choi and Kim, Fast and reliable minimal relative pose
 //! estimation under planar motion, 2018.
 
+use estimation_base::wrap;
 use nalgebra::{Matrix2, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
 use super::Correspondence;
@@ -42,7 +43,6 @@ use crate::mount::Mount;
 use crate::ransac::Solver;
 use crate::se3::Se3;
 use crate::so3::hat;
-use estimation_base::wrap;
 
 /// Sums of a few products of unit vectors.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;

@@ -19,11 +19,12 @@
 
 use std::convert::Infallible;
 
+use estimation_base::symmetric;
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::{Homography, Similarity, dehomogenize};
 use crate::least_squares::{Control, Model, Problem, Taken, Termination, Trial, minimise};
-use crate::linalg::{cholesky, svd, symmetrize};
+use crate::linalg::{cholesky, svd};
 
 /// A 9x9 matrix over the entries of H, row by row.
 pub type Matrix9 = SMatrix<f64, 9, 9>;
@@ -143,7 +144,7 @@ pub fn fit(
     let map = tangent * map * to.scale;
     Ok(HomographyFit {
         homography,
-        unit_covariance: symmetrize(&(map * normalized_covariance * map.transpose())),
+        unit_covariance: symmetric(&(map * normalized_covariance * map.transpose())),
         rms: (squared / pairs.len() as f64).sqrt() / to.scale,
         condition: singular_values[0] / singular_values[7],
         iterations,

@@ -57,7 +57,7 @@ impl InverseDepthPoint {
     pub fn to_euclidean(&self, covariance: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let (point, world) = self.geometry().to_point(&self.parameters(), covariance)?;
         let finite = point.iter().all(|v| v.is_finite());
-        finite.then(|| (point, crate::linalg::symmetrize(&world)))
+        finite.then(|| (point, estimation_base::symmetric(&world)))
     }
 
     /// How far a Gaussian in Euclidean coordinates would be from the truth, seen from a view: the index of Civera et al.,

@@ -13,13 +13,14 @@
 //! Degenerate: collinear points leave a turn free, fewer than three points more than that: the information is singular
 //! (refused with the pivot).
 
+use estimation_base::symmetric;
 use nalgebra::{Matrix6, Vector6};
 
 use super::{Correspondence, NoPose, check};
 use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
-use crate::linalg::{cholesky, symmetrize};
+use crate::linalg::cholesky;
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
 use crate::structure::STEP_TOLERANCE_SIGMAS;
@@ -153,7 +154,7 @@ fn covariance(information: &Matrix6<f64>, points: usize) -> Result<Matrix6<f64>,
             });
         }
     }
-    Ok(symmetrize(&factor.inverse()))
+    Ok(symmetric(&factor.inverse()))
 }
 
 /// Squared reprojection error over sigma^2; infinite behind the camera.

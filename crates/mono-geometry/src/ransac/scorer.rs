@@ -28,7 +28,7 @@ pub struct Msac<F> {
 
 impl<F> Msac<F> {
     /// A scorer from `squared_residual(model, datum)`, in variances, and the chi-square quantile that bounds an inlier
-    /// (see [`crate::triangulation::chi_square_quantile`]; 95 % of one degree of freedom: 3.84, of two: 5.99).
+    /// (see [`estimation_base::chi_square_quantile`]; 95 % of one degree of freedom: 3.84, of two: 5.99).
     #[must_use]
     pub fn new(squared_residual: F, threshold: f64) -> Self {
         Self {

@@ -19,15 +19,14 @@
 //! is Gaussian in Cartesian coordinates, which describes depth badly below about 2 degrees of parallax: use
 //! [`crate::inverse_depth`] there.
 
-mod chi_square;
 mod refine;
 mod start;
 mod two_view;
 
-pub use chi_square::chi_square_quantile;
 pub use start::{linear, midpoint};
 pub use two_view::{Correction, NoCorrection, correct_match, triangulate_two_views};
 
+use estimation_base::{chi_square_cdf, chi_square_quantile};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::camera::Pinhole;
@@ -50,9 +49,9 @@ pub struct Observation {
 pub struct Acceptance {
     /// Smallest parallax, radians.
     pub min_parallax_rad: f64,
-    /// One-sided normal quantile of the chi-square test: 2.326 refuses one good point in a hundred, 3.09 one in a
-    /// thousand.
-    pub chi_square_z: f64,
+    /// Probability with which a point that all views see passes the chi-square test, above 0: 0.99 refuses one in a
+    /// hundred, 0.999 one in a thousand, 1 none.
+    pub chi_square_probability: f64,
     /// Gauss-Newton steps allowed.
     pub max_iterations: usize,
 }
@@ -62,7 +61,7 @@ impl Default for Acceptance {
     fn default() -> Self {
         Self {
             min_parallax_rad: 2.0_f64.to_radians(),
-            chi_square_z: 3.09,
+            chi_square_probability: 0.999,
             max_iterations: 25,
         }
     }
@@ -165,11 +164,13 @@ fn accept(
 ) -> Result<Triangulated, Rejection> {
     let parallax_rad = require_parallax(parallax_at(observations, &minimum.point), acceptance)?;
     let degrees_of_freedom = 2 * observations.len() - 3;
-    let threshold = chi_square_quantile(degrees_of_freedom, acceptance.chi_square_z);
-    if minimum.chi_square > threshold {
+    // The quantile is a bisection: for a point that passes, one value of the distribution decides.
+    let probability = acceptance.chi_square_probability;
+    let passed = chi_square_cdf(degrees_of_freedom as f64, minimum.chi_square) <= probability;
+    if !passed {
         return Err(Rejection::ChiSquareTooLarge {
             chi_square: minimum.chi_square,
-            threshold,
+            threshold: chi_square_quantile(degrees_of_freedom as f64, probability).unwrap_or(0.0),
         });
     }
     Ok(Triangulated {

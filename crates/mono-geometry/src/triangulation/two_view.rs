@@ -23,6 +23,7 @@
 //! Degenerate: without a baseline there is no F. With both pixels placed so that two corrections are equally short (as
 //! between two epipoles) there is none to prefer: [`NoCorrection`] says so.
 
+use estimation_base::symmetric;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector2};
 
 use super::refine::{Minimum, normal_equations};
@@ -32,7 +33,7 @@ use super::{
 };
 use crate::camera::Pinhole;
 use crate::epipolar::EpipolarPair;
-use crate::linalg::{cholesky, symmetrize};
+use crate::linalg::cholesky;
 
 /// A match moved onto the epipolar constraint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,7 +188,7 @@ pub fn triangulate_two_views(
     let factor = cholesky(&normal.information).map_err(|_singular| too_small)?;
     let minimum = Minimum {
         point,
-        covariance: symmetrize(&factor.inverse()),
+        covariance: symmetric(&factor.inverse()),
         chi_square: correction.chi_square,
         iterations: correction.iterations,
     };

@@ -1,5 +1,6 @@
 //! Odometry: the exact arc against integration, the bias of the printed form, covariances against Monte Carlo.
 
+use estimation_base::Cholesky;
 use mono_geometry::motion::{accumulate, exact_arc, held_between, paper_euler};
 use mono_geometry::{ControlNoise, GeometryError, OdometrySample, Se2};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -203,7 +204,7 @@ fn a_robot_at_rest_keeps_a_regular_covariance_by_the_floor() {
     for run in [vec![], vec![(sample(0.0, 0.0, 0.0), 1.0)]] {
         let increment = accumulate(&run, &floors).unwrap();
         assert_eq!(increment.mean, Se2::identity());
-        assert!(mono_geometry::linalg::cholesky(&increment.covariance).is_ok());
+        assert!(Cholesky::definite(&increment.covariance).is_ok());
         assert_eq!(increment.covariance[(2, 2)], 1e-5 * 1e-5);
     }
 }

@@ -2,7 +2,7 @@
 //! a start, points among wrong matches.
 
 use crate::common::{config, gauss, look_at, pinhole};
-use mono_geometry::linalg::{cholesky, svd};
+use mono_geometry::linalg::svd;
 use mono_geometry::pnp::{
     Correspondence, NoPose, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac,
     p3p, refine_pose,
@@ -279,7 +279,7 @@ fn scene(
 
 fn nees(truth: &Se3, mean: &Se3, covariance: &nalgebra::Matrix6<f64>) -> f64 {
     let error = mean.inverse().compose(truth).log();
-    error.dot(&cholesky(covariance).expect("valid").solve(&error))
+    error.dot(&covariance.cholesky().expect("valid").solve(&error))
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn the_refined_pose_is_the_minimum_and_its_covariance_the_curvature() {
         };
         assert!((cost(&found.world_from_camera) - found.chi_square).abs() < 1e-9);
         assert!(nees(&truth, &found.world_from_camera, &found.covariance) < 30.0);
-        let sigmas = cholesky(&found.covariance).expect("valid").l();
+        let sigmas = found.covariance.cholesky().expect("valid").l();
         for axis in 0..6 {
             for sign in [-1.0, 1.0] {
                 let delta: Vector6<f64> = sigmas.column(axis) * (0.01 * sign);

@@ -79,7 +79,7 @@ proptest! {
             .collect();
         for acceptance in [
             Acceptance::default(),
-            Acceptance { min_parallax_rad: n[21], chi_square_z: n[22], max_iterations: 40 },
+            Acceptance { min_parallax_rad: n[21], chi_square_probability: n[22], max_iterations: 40 },
         ] {
             if let Ok(found) = triangulate(&pinhole, &observations, &acceptance) {
                 prop_assert!(found.point.iter().chain(found.covariance.iter()).all(|v| v.is_finite()));

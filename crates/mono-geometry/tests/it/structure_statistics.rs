@@ -12,7 +12,6 @@
 
 use crate::common::{gauss, look_at, pinhole, see};
 use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
-use mono_geometry::linalg::cholesky;
 use mono_geometry::triangulation::triangulate_two_views;
 use mono_geometry::{Acceptance, Observation, PlacedCamera, Se3, triangulate};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -41,7 +40,7 @@ impl Consistency {
         covariance: &Matrix3<f64>,
         along: &Vector3<f64>,
     ) -> f64 {
-        let nees = error.dot(&cholesky(covariance).expect("valid").solve(error));
+        let nees = error.dot(&covariance.cholesky().expect("valid").solve(error));
         self.nees += nees;
         let score = along.dot(error) / along.dot(&(covariance * along)).sqrt();
         self.bias += score;
@@ -73,7 +72,7 @@ struct Trials {
 fn open() -> Acceptance {
     Acceptance {
         min_parallax_rad: 0.0,
-        chi_square_z: 1e6,
+        chi_square_probability: 1.0,
         max_iterations: 100,
     }
 }
@@ -112,7 +111,7 @@ fn run(parallax_deg: f64) -> Trials {
         let found = triangulate(&pinhole(), &observations, &open()).expect("no trial is lost");
         let direct = triangulate_two_views(&pinhole(), &observations, &open()).expect("nor here");
         let apart = found.point - direct.point;
-        assert!(apart.dot(&cholesky(&found.covariance).expect("valid").solve(&apart)) < 1e-9);
+        assert!(apart.dot(&found.covariance.cholesky().expect("valid").solve(&apart)) < 1e-9);
         let in_metres = trials
             .metres
             .add(&(found.point - target), &found.covariance, &along);

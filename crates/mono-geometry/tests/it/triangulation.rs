@@ -1,8 +1,8 @@
 //! Triangulation: exact views, the least-squares minimum, consistency by Monte Carlo, every refusal with its value.
 
 use crate::common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::linalg::cholesky;
-use mono_geometry::triangulation::{chi_square_quantile, linear, midpoint};
+use estimation_base::Cholesky;
+use mono_geometry::triangulation::{linear, midpoint};
 use mono_geometry::{Acceptance, Mount, Observation, Rejection, Se2, Se3, triangulate};
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 fn open() -> Acceptance {
     Acceptance {
         min_parallax_rad: 0.0,
-        chi_square_z: 1e3,
+        chi_square_probability: 1.0,
         max_iterations: 50,
     }
 }
@@ -43,7 +43,7 @@ proptest! {
         let lowest = cameras[0].translation - target;
         let highest = cameras[views - 1].translation - target;
         prop_assert!((result.parallax_rad - lowest.angle(&highest)).abs() < 1e-9);
-        prop_assert!(cholesky(&result.covariance).is_ok());
+        prop_assert!(Cholesky::definite(&result.covariance).is_ok());
     }
 
 
@@ -66,7 +66,7 @@ proptest! {
         };
         let result = triangulate(&pinhole(), &observations, &open()).unwrap();
         prop_assert!((cost(&result.point) - result.chi_square).abs() < 1e-9);
-        let sigmas = cholesky(&result.covariance).unwrap().l();
+        let sigmas = result.covariance.cholesky().unwrap().l();
         for axis in 0..3 {
             for sign in [-1.0, 1.0] {
                 // A step of a hundredth of a sigma raises the cost by 1e-4, up to second-order terms.
@@ -105,7 +105,7 @@ fn triangulated_points_are_consistent() {
                     .collect();
                 let result = triangulate(&pinhole(), &observations, &open()).unwrap();
                 let error = result.point - target;
-                nees += error.dot(&cholesky(&result.covariance).unwrap().solve(&error));
+                nees += error.dot(&result.covariance.cholesky().unwrap().solve(&error));
                 chi_square += result.chi_square;
             }
             let mean = nees / f64::from(trials);
@@ -297,25 +297,4 @@ fn points_of_a_plane_are_no_special_case() {
             assert!((result.point - target).norm() < 1e-11);
         }
     }
-}
-
-#[test]
-fn chi_square_quantiles_against_tables() {
-    let table = [
-        (1, 3.0902, 10.828, 0.035),
-        (2, 2.3263, 9.210, 0.002),
-        (3, 1.6449, 7.815, 0.006),
-        (3, 3.0902, 16.266, 0.02),
-        (10, 2.3263, 23.209, 0.002),
-        (100, 1.6449, 124.342, 0.001),
-    ];
-    for (dof, z, expected, tolerance) in table {
-        let got = chi_square_quantile(dof, z);
-        assert!(
-            (got / expected - 1.0_f64).abs() < tolerance,
-            "{dof}: {got} {expected}"
-        );
-    }
-    assert_eq!(chi_square_quantile(0, 2.0), 0.0);
-    assert_eq!(chi_square_quantile(1, -10.0), 0.0);
 }

@@ -144,7 +144,7 @@ proptest! {
         for o in &mut observations {
             o.pixel_ideal += Vector2::new(gauss(&mut rng), gauss(&mut rng)) * (o.sigma_px * 0.3);
         }
-        let open = Acceptance { min_parallax_rad: 0.0, chi_square_z: 1e3, max_iterations: 50 };
+        let open = Acceptance { min_parallax_rad: 0.0, chi_square_probability: 1.0, max_iterations: 50 };
         let iterated = triangulate(&pinhole(), &observations, &open).expect("valid");
         let direct = triangulate_two_views(&pinhole(), &observations, &open).expect("valid");
         // The iteration stops within 1e-6 standard deviations.

@@ -127,7 +127,7 @@ impl Match {
     fn triangulated(&self) -> Result<Triangulated, Rejection> {
         let open = Acceptance {
             min_parallax_rad: 0.0,
-            chi_square_z: 1e3,
+            chi_square_probability: 1.0,
             max_iterations: 0,
         };
         let poses = [Se3::identity(), self.second_from_first];
