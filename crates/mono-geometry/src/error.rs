@@ -26,7 +26,7 @@ pub enum GeometryError {
         radius: f64,
         /// Radius at which the lens model folds over.
         field_radius: f64,
-        /// What is left between its image and the distorted point, normalised units.
+        /// The difference left between its image and the distorted point, normalised units.
         residual: f64,
         /// Residual that would have been accepted.
         tolerance: f64,
@@ -60,7 +60,7 @@ pub enum GeometryError {
         rows: usize,
         /// Columns given.
         columns: usize,
-        /// What fits, in words.
+        /// The shapes that fit, in words.
         required: &'static str,
     },
     /// A decomposition met a NaN or an infinity, or did not converge.
@@ -76,7 +76,7 @@ pub enum GeometryError {
     /// One entry of a list cannot be used.
     #[error("{list} {index}: {name} is {value}, required: {required}")]
     InvalidElement {
-        /// What the list holds, in the singular.
+        /// Name of an element of the list, in the singular.
         list: &'static str,
         /// Index of the entry.
         index: usize,
@@ -84,7 +84,7 @@ pub enum GeometryError {
         name: &'static str,
         /// The value given.
         value: f64,
-        /// What is accepted, in words.
+        /// The values accepted, in words.
         required: &'static str,
     },
     /// The measurements leave a motion of the whole free (gauge), so there is no covariance.
@@ -98,7 +98,7 @@ pub enum GeometryError {
         coordinate: usize,
         /// The pivot: the information about the coordinate, those before it known or (the last one) all unknown.
         value: f64,
-        /// What rounding alone would leave of a zero.
+        /// The value that rounding alone would leave of a zero.
         required: f64,
     },
 }

@@ -98,7 +98,7 @@ pub struct Iteration {
     pub accepted: bool,
 }
 
-/// What the quadratic model says of the step just solved for.
+/// The verdict of the quadratic model on the step just solved for.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Model {
     /// Decrease of the cost that it predicts.
@@ -128,7 +128,7 @@ impl Trial {
 
 /// A least-squares problem at its current estimate, which it owns.
 pub(crate) trait Problem {
-    /// What ends the minimisation without a result.
+    /// The error that ends the minimisation without a result.
     type Error;
 
     /// Cost of the current estimate.

@@ -1,6 +1,6 @@
 //! Three parameters of a point from its sightings: Gauss-Newton on the reprojection error, with covariance.
 //!
-//! What triangulation and inverse depth share: with the whitened Jacobian J of all pixels by the three parameters and the
+//! The step that triangulation and inverse depth share: with the whitened Jacobian J of all pixels by the three parameters and the
 //! residuals r, the step solves (J^T J) step = J^T r; a step that would raise the error, or put the point behind a
 //! camera, is damped (see [`crate::least_squares`]). The length of a step is measured in standard deviations of the
 //! estimate, sqrt(step^T J^T J step), so one tolerance serves near and far points. At the minimum (J^T J)^-1 is the

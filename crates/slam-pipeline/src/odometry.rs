@@ -107,7 +107,7 @@ impl Odometer {
         Ok(())
     }
 
-    /// What was accumulated; the covariance is turned from the body axes of the
+    /// The accumulated motion; its covariance is turned from the body axes of the
     /// end to those of the start, where (dx, dy, dphi) is additive.
     #[must_use]
     pub fn control(&self) -> Control {

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 const PANEL_WIDTH: f64 = 620.0;
 /// Room between the panels, pixels.
 const GAP: f64 = 16.0;
-/// What a map panel shows, metres: the wall of the scene at 2 m and a little behind it.
+/// The range of a map panel, metres: the wall of the scene at 2 m and a little behind it.
 const MAP_X: (f64, f64) = (-1.6, 5.4);
 const MAP_Y: (f64, f64) = (-0.7, 2.6);
 /// Height of the letters S and E, metres.

@@ -67,7 +67,7 @@ pub(crate) struct Duel {
     pub(crate) gain_m: Interval,
 }
 
-/// What the paper claims, as pairs of (better, worse).
+/// The claims of the paper, as pairs of (better, worse).
 const CLAIMS: [(&str, &str); 3] = [
     ("exact 50", "conventional 500"),
     ("paper 50", "conventional 500"),

@@ -72,7 +72,7 @@ pub(crate) struct Trial {
     pub(crate) landmarks: Vec<MapLandmark>,
 }
 
-/// What an estimator leaves behind.
+/// The results of an estimator.
 #[derive(Debug, Default)]
 struct Track {
     poses: Vec<Se2>,

@@ -3,7 +3,7 @@
 //! A package passes when its SPDX expression can be satisfied with listed licences only; the old `/` between licences
 //! means `OR`. Exceptions name the package and the reason.
 
-use super::{packages, text};
+use crate::tidy::metadata::{packages, text};
 use serde_json::Value;
 use spdx::{Expression, LicenseItem, ParseMode};
 

@@ -1,7 +1,7 @@
 //! Rules for crates: what a manifest inherits, who may depend on whom, what a
 //! library ships with, and that ARCHITECTURE.md knows every crate.
 
-use super::{packages, text};
+use crate::tidy::metadata::{packages, text};
 use anyhow::Context;
 use serde_json::Value;
 use std::fs;

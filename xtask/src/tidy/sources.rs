@@ -1,4 +1,4 @@
-//! Rules for files: module comment, length, leftovers, machine paths.
+//! Rules for files: module comment, length, leftovers, machine paths, and doc comments that open with a noun.
 
 use anyhow::Context;
 use std::fs;
@@ -7,19 +7,19 @@ use std::path::{Path, PathBuf};
 /// Longest allowed source file, lines.
 const MOST_LINES: usize = 600;
 /// Folders that hold no sources of ours.
-const SKIPPED: [&str; 4] = ["target", ".git", "out", "images"];
+const SKIPPED: [&str; 3] = ["target", ".git", "out"];
 /// Ends of the names of text files that are read.
 const TEXT: [&str; 9] = [
     "rs", "toml", "md", "yml", "json", "txt", "csv", "html", "run",
 ];
-/// What may not stand in Rust code; in two halves, so that this file does not hold it.
+/// Forbidden in Rust code; in two halves, so that this file does not hold it.
 const LEFTOVERS: [[&str; 2]; 4] = [
     ["todo", "!("],
     ["unimplemented", "!("],
     ["dbg", "!("],
     ["#[ig", "nore"],
 ];
-/// What may not stand in any text file: places of one machine.
+/// Forbidden in any text file: places of one machine.
 const MACHINE_PATHS: [[&str; 2]; 4] = [
     ["/wo", "rk/"],
     ["/ho", "me/"],
@@ -33,16 +33,19 @@ const MACHINE_PATHS: [[&str; 2]; 4] = [
 /// A folder or file cannot be read.
 pub(crate) fn violations(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut found = Vec::new();
-    for file in text_files(root)? {
-        let bytes = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
-        let name = file
-            .strip_prefix(root)
-            .unwrap_or(&file)
-            .display()
-            .to_string();
+    for file in paths(root)?.iter().filter(|path| is_text(path)) {
+        let bytes =
+            fs::read(root.join(file)).with_context(|| format!("cannot read {}", file.display()))?;
+        let name = file.display().to_string();
         found.extend(in_file(&name, &String::from_utf8_lossy(&bytes)));
     }
     Ok(found)
+}
+
+/// Whether a file is read, by the end of its name.
+fn is_text(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    TEXT.contains(&name.rsplit('.').next().unwrap_or_default())
 }
 
 /// Violations in one file.
@@ -62,6 +65,12 @@ fn in_file(name: &str, content: &str) -> Vec<String> {
         patterns.extend(LEFTOVERS.iter().map(|halves| halves.concat()));
     }
     for (index, line) in content.lines().enumerate() {
+        if name.ends_with(".rs") && opens_with_what(line) {
+            found.push(format!(
+                "{name}:{}: a doc comment opens with the thing itself, not with \"What\"",
+                index + 1
+            ));
+        }
         for pattern in patterns
             .iter()
             .filter(|pattern| line.contains(pattern.as_str()))
@@ -72,28 +81,38 @@ fn in_file(name: &str, content: &str) -> Vec<String> {
     found
 }
 
-fn text_files(root: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
+/// Whether a line of a doc comment begins with the word "What": such a line names no thing.
+fn opens_with_what(line: &str) -> bool {
+    let line = line.trim_start();
+    let text = line
+        .strip_prefix("///")
+        .or_else(|| line.strip_prefix("//!"));
+    text.is_some_and(|text| text.split_whitespace().next() == Some("What"))
+}
+
+/// All files and folders below `root`, as paths from it, sorted; build output and the like are left out.
+///
+/// # Errors
+/// A folder cannot be read.
+pub(crate) fn paths(root: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let (mut paths, mut open) = (Vec::new(), vec![root.to_path_buf()]);
     while let Some(folder) = open.pop() {
         for entry in
             fs::read_dir(&folder).with_context(|| format!("cannot list {}", folder.display()))?
         {
             let entry = entry?;
-            let (path, name) = (
-                entry.path(),
-                entry.file_name().to_string_lossy().into_owned(),
-            );
+            let (path, name) = (entry.path(), entry.file_name());
             if entry.file_type()?.is_dir() {
-                if !SKIPPED.contains(&name.as_str()) {
-                    open.push(path);
+                if SKIPPED.iter().any(|skipped| name == *skipped) {
+                    continue;
                 }
-            } else if TEXT.contains(&name.rsplit('.').next().unwrap_or_default()) {
-                files.push(path);
+                open.push(path.clone());
             }
+            paths.push(path.strip_prefix(root).unwrap_or(&path).to_path_buf());
         }
     }
-    files.sort();
-    Ok(files)
+    paths.sort();
+    Ok(paths)
 }
 
 #[cfg(test)]
@@ -115,6 +134,20 @@ mod tests {
                 1
             );
             assert!(in_file("a.md", &halves.concat()).is_empty());
+        }
+        for (line, wrong) in [
+            ("/// What a step costs.", 1),
+            ("    //! What it is.", 1),
+            ("/// Whatever it costs.", 0),
+            ("/// The cost. What a step costs.", 0),
+            ("// What a step costs.", 0),
+        ] {
+            assert_eq!(
+                in_file("a.rs", &format!("//! A.\n{line}\n")).len(),
+                wrong,
+                "{line}"
+            );
+            assert!(in_file("a.md", line).is_empty());
         }
         for halves in MACHINE_PATHS {
             assert_eq!(

@@ -1,6 +1,6 @@
 //! Figures of every crate: lines, files longer than the house likes, test binaries.
 
-use super::{packages, text};
+use crate::tidy::metadata::{packages, text};
 use anyhow::Context;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -28,21 +28,21 @@ struct Figures {
 /// # Errors
 /// A file or folder cannot be read.
 pub(crate) fn table(metadata: &Value) -> anyhow::Result<String> {
-    let mut text = format!(
+    let mut out = format!(
         "{:<22}{:>10}{:>10}{:>12}{:>15}\n",
         "crate", "src lines", "others", "files > 400", "test binaries"
     );
     let mut sum = Figures::default();
     for package in packages(metadata).filter(|package| package["source"].is_null()) {
         let figures = figures(package)?;
-        row(&mut text, super::text(package, "name"), &figures);
+        row(&mut out, text(package, "name"), &figures);
         sum.source_lines += figures.source_lines;
         sum.other_lines += figures.other_lines;
         sum.long_files += figures.long_files;
         sum.test_binaries += figures.test_binaries;
     }
-    row(&mut text, "all", &sum);
-    Ok(text)
+    row(&mut out, "all", &sum);
+    Ok(out)
 }
 
 fn row(out: &mut String, name: &str, figures: &Figures) {

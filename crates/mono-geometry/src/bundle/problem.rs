@@ -1,4 +1,4 @@
-//! What a bundle adjustment is given: poses, landmarks, pixels, measured motions, priors, and what is held.
+//! The input of a bundle adjustment: poses, landmarks, pixels, measured motions, priors, and what is held.
 //!
 //! A plain description with public fields; [`Problem::check`] finds the first entry that cannot be used. Poses and
 //! landmarks are the start of the minimisation, and its result goes to the same place.
@@ -52,7 +52,7 @@ impl OdometryFactor<Se2, 3> {
     }
 }
 
-/// What is known of a pose beforehand: pose = mean * exp(delta), delta ~ N(0, covariance).
+/// Prior knowledge of a pose: pose = mean * exp(delta), delta ~ N(0, covariance).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PosePrior<P, const D: usize> {
     /// Index of the pose.

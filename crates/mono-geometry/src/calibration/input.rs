@@ -1,4 +1,4 @@
-//! What a calibration starts from: views of a planar target, the lens model, the options.
+//! The input of a calibration: views of a planar target, the lens model, the options.
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! What a calibration returns: camera, covariance, residuals, how it ended, what to doubt.
+//! The result of a calibration: camera, covariance, residuals, the way it ended, and its warnings.
 
 use nalgebra::{DMatrix, Matrix6, Vector2};
 
@@ -50,7 +50,7 @@ pub struct Calibration {
     pub cost_curve: Vec<f64>,
     /// How the refinement ended.
     pub termination: Termination,
-    /// What to doubt; empty for a good calibration.
+    /// Reasons to doubt the result; empty for a good calibration.
     pub warnings: Vec<CalibrationWarning>,
 }
 

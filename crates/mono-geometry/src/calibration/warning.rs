@@ -1,4 +1,4 @@
-//! What to doubt in a calibration: parameters that the views do not constrain, and views that do not fit.
+//! Reasons to doubt a calibration: parameters that the views do not constrain, and views that do not fit.
 
 use crate::least_squares::Termination;
 

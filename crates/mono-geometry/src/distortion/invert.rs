@@ -19,9 +19,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
-use super::Distortion;
 use crate::error::GeometryError;
 
 /// Largest residual accepted, relative to 1 + |distorted point|: 1e-10 px at a focal length of 1000 px and 45 degrees.
@@ -31,9 +30,24 @@ const SMALLEST_STEP: f64 = 4.0 * f64::EPSILON;
 /// Newton from the radial solution converges in 3 to 5 steps; more means there is no solution.
 const MAX_ITERATIONS: usize = 30;
 
+/// The lens as its inversion sees it.
+pub(super) trait Lens {
+    /// Whether it distorts nothing.
+    fn is_pinhole(&self) -> bool;
+
+    /// Whether its radial part is a function of the angle rather than of the radius.
+    fn is_fisheye(&self) -> bool;
+
+    /// The distorted point and its derivative with respect to the undistorted one.
+    fn image(&self, point: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>);
+
+    /// The radial part and its derivative: of the radius, for the fisheye of the angle.
+    fn radial(&self, t: f64) -> (f64, f64);
+}
+
 /// The point inside `field_radius` whose image is `distorted`.
 pub(super) fn undistort(
-    lens: &Distortion,
+    lens: &impl Lens,
     distorted: &Vector2<f64>,
     field_radius: f64,
 ) -> Result<Vector2<f64>, GeometryError> {
@@ -50,11 +64,11 @@ pub(super) fn undistort(
     if !radius.is_finite() {
         return Err(fail(*distorted, f64::NAN));
     }
-    if *lens == Distortion::None {
+    if lens.is_pinhole() {
         return Ok(*distorted);
     }
     let mut point = distorted * radial_start(lens, radius, field_radius);
-    let (image, mut jacobian) = lens.distort_with_jacobian(&point);
+    let (image, mut jacobian) = lens.image(&point);
     let mut residual = image - distorted;
     let mut at_rounding = false;
     for _ in 0..MAX_ITERATIONS {
@@ -70,7 +84,7 @@ pub(super) fn undistort(
         let better = (0..20).find_map(|_| {
             let candidate = point - step * scale;
             scale *= 0.5;
-            let remaining = lens.distort(&candidate) - distorted;
+            let remaining = lens.image(&candidate).0 - distorted;
             (remaining.norm() < residual.norm()).then_some((candidate, remaining))
         });
         let Some((candidate, remaining)) = better else {
@@ -80,7 +94,7 @@ pub(super) fn undistort(
         let settled = remaining.norm() <= tolerance && remaining.norm() > 0.5 * residual.norm();
         point = candidate;
         residual = remaining;
-        jacobian = lens.distort_with_jacobian(&point).1;
+        jacobian = lens.image(&point).1;
         if settled {
             break;
         }
@@ -94,7 +108,7 @@ pub(super) fn undistort(
 }
 
 /// Factor that undoes the radial part alone for a distorted radius; the nearest point of the field if there is none.
-fn radial_start(lens: &Distortion, distorted_radius: f64, field_radius: f64) -> f64 {
+fn radial_start(lens: &impl Lens, distorted_radius: f64, field_radius: f64) -> f64 {
     if distorted_radius == 0.0 {
         return 1.0;
     }

@@ -15,7 +15,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::LensJacobian;
+use super::jacobian::LensJacobian;
 use super::roots::first_root;
 
 /// theta' / theta.

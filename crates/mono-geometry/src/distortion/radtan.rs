@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::LensJacobian;
+use super::jacobian::LensJacobian;
 use super::roots::first_root;
 
 /// g and dg/ds.

@@ -14,7 +14,7 @@
 
 use nalgebra::Vector2;
 
-use super::LensJacobian;
+use super::jacobian::LensJacobian;
 use super::radtan::set_tangential;
 use super::roots::first_root;
 

@@ -207,7 +207,7 @@ pub fn refine_narrowed<M: Freedom<K> + Clone, const K: usize>(
 struct Normal<const K: usize> {
     information: SMatrix<f64, K, K>,
     gradient: SVector<f64, K>,
-    /// What rounding of the derivatives alone adds to the diagonal of the information.
+    /// The share that rounding of the derivatives alone adds to the diagonal of the information.
     rounding: SVector<f64, K>,
     chi_square: f64,
     used: usize,

@@ -22,7 +22,7 @@ use std::convert::Infallible;
 use estimation_base::symmetric;
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::{Homography, Similarity, dehomogenize};
+use super::matrix::{Homography, Similarity, dehomogenize};
 use crate::least_squares::{Control, Model, Problem, Taken, Termination, Trial, minimise};
 use crate::linalg::{cholesky, svd};
 

@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::InverseDepthPoint;
+use super::point::InverseDepthPoint;
 use crate::placed_camera::PlacedCamera;
 
 /// Largest linearity index at which Civera, Davison and Montiel convert: a bias of at most 1/40 of a standard deviation.

@@ -18,7 +18,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::InverseDepthPoint;
+use super::point::InverseDepthPoint;
 use crate::camera::Pinhole;
 use crate::placed_camera::PlacedCamera;
 use crate::structure::{NormalEquations, three_parameters};

@@ -7,8 +7,9 @@
 //! Degenerate: every triangle collinear, or no pose with all points in front: [`NoPose::NoCandidate`]. With wrong matches
 //! among the points use [`super::estimate_pose_ransac`].
 
-use super::refine::squared_error;
-use super::{Correspondence, NoPose, PoseEstimate, RefineOptions, check, p3p, refine_pose};
+use super::correspondence::{Correspondence, NoPose, check};
+use super::p3p::p3p;
+use super::refine::{PoseEstimate, RefineOptions, refine_pose, squared_error};
 use crate::camera::Pinhole;
 use crate::se3::Se3;
 use crate::so3;

@@ -16,110 +16,15 @@
 //! Four coplanar points seen from far away give two nearly equal minima: compare
 //! [`PoseEstimate::chi_square`] with [`PoseFit::runner_up_chi_square`].
 
+mod correspondence;
 mod cubic;
 mod estimate;
 mod p3p;
 mod refine;
 mod robust;
 
+pub use correspondence::{Correspondence, NoPose};
 pub use estimate::{PoseFit, estimate_pose};
 pub use p3p::{P3pSolutions, p3p};
 pub use refine::{PoseEstimate, RefineOptions, refine_pose};
 pub use robust::{PoseSolver, RobustPose, RobustPoseOptions, estimate_pose_ransac};
-
-use nalgebra::{Vector2, Vector3};
-
-/// A world point and where it is seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Correspondence {
-    /// Position in the world, metres; taken as exact.
-    pub point_in_world: Vector3<f64>,
-    /// Where it is seen, in ideal (undistorted) pixels.
-    pub pixel_ideal: Vector2<f64>,
-    /// Standard deviation of each pixel coordinate, pixels, above zero.
-    pub sigma_px: f64,
-}
-
-/// Why there is no pose.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoPose {
-    /// Too few points.
-    #[error("{points} points, required: at least {required}")]
-    TooFewPoints {
-        /// Points given.
-        points: usize,
-        /// Points required.
-        required: usize,
-    },
-    /// Numbers that cannot be used.
-    #[error("correspondence {index} is unusable, required: finite numbers, sigma above 0")]
-    BadCorrespondence {
-        /// Index of the first such correspondence.
-        index: usize,
-    },
-    /// The start, or the threshold of the loss, is not usable.
-    #[error("{name} is not usable, required: {required}")]
-    BadOption {
-        /// What it is.
-        name: &'static str,
-        /// What is accepted.
-        required: &'static str,
-    },
-    /// A point is behind the camera at the start.
-    #[error(
-        "point {index} is behind the camera at the start: depth {depth_m} m, required: above 0"
-    )]
-    BehindCamera {
-        /// Index of the first such point.
-        index: usize,
-        /// Depth, metres.
-        depth_m: f64,
-    },
-    /// The points leave a motion free (collinear, or all but three coincide).
-    #[error(
-        "the points leave a motion of the camera free: pivot {pivot} of the information is {value}, required: above {required}"
-    )]
-    Singular {
-        /// Index of the first pivot that is rounding error, in the order (rho, omega).
-        pivot: usize,
-        /// Its value.
-        value: f64,
-        /// The value it must exceed.
-        required: f64,
-    },
-    /// No triangle of the points gave a pose that sees all of them.
-    #[error(
-        "none of {candidates} candidate poses from {triangles} triangles sees all points in front"
-    )]
-    NoCandidate {
-        /// Triangles tried.
-        triangles: usize,
-        /// Poses they gave.
-        candidates: usize,
-    },
-    /// Random sampling found no consensus.
-    #[error("best pose has {inliers} inliers, required: at least {required}")]
-    NoConsensus {
-        /// Inliers of the best pose; 0 without one.
-        inliers: usize,
-        /// Inliers required.
-        required: usize,
-    },
-}
-
-fn check(correspondences: &[Correspondence], required: usize) -> Result<(), NoPose> {
-    let points = correspondences.len();
-    if points < required {
-        return Err(NoPose::TooFewPoints { points, required });
-    }
-    let usable = |c: &Correspondence| {
-        c.point_in_world.iter().all(|v| v.is_finite())
-            && c.pixel_ideal.iter().all(|v| v.is_finite())
-            && c.sigma_px > 0.0
-            && c.sigma_px.is_finite()
-    };
-    match correspondences.iter().position(|c| !usable(c)) {
-        Some(index) => Err(NoPose::BadCorrespondence { index }),
-        None => Ok(()),
-    }
-}

@@ -16,7 +16,7 @@
 use estimation_base::symmetric;
 use nalgebra::{Matrix6, Vector6};
 
-use super::{Correspondence, NoPose, check};
+use super::correspondence::{Correspondence, NoPose, check};
 use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};

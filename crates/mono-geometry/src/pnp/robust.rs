@@ -8,8 +8,9 @@
 //! Degenerate: a sample of collinear points or coincident rays gives no pose and costs a trial. A pose always agrees with
 //! its own three points; fewer than `min_inliers` are no evidence and are refused.
 
-use super::refine::squared_error;
-use super::{Correspondence, NoPose, PoseEstimate, RefineOptions, check, p3p, refine_pose};
+use super::correspondence::{Correspondence, NoPose, check};
+use super::p3p::p3p;
+use super::refine::{PoseEstimate, RefineOptions, refine_pose, squared_error};
 use crate::camera::Pinhole;
 use crate::ransac::{Msac, Options, Report, Sampler, Solver, Stop, ransac};
 use crate::robust_loss::RobustLoss;

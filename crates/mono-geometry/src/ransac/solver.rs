@@ -4,7 +4,7 @@
 pub trait Solver {
     /// One measurement, for example a match of two pixels.
     type Datum;
-    /// What is estimated.
+    /// The model that is estimated.
     type Model;
 
     /// Number of data in a minimal sample, at least 1.

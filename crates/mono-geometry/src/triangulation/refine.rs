@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Acceptance, Observation, Rejection, parallax_at};
+use super::observation::{Acceptance, Observation, Rejection, parallax_at};
 use crate::camera::Pinhole;
 use crate::structure::{NormalEquations, three_parameters};
 

@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use super::{Observation, require_in_front};
+use super::observation::{Observation, require_in_front};
 use crate::camera::Pinhole;
 use crate::linalg::{cholesky, null_vector};
 

@@ -26,11 +26,13 @@
 use estimation_base::symmetric;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector2};
 
-use super::refine::{Minimum, normal_equations};
-use super::{
-    Acceptance, Observation, Rejection, Triangulated, accept, check, midpoint, ray_parallax,
-    require_in_front, require_parallax,
+use super::accept::accept;
+use super::observation::{
+    Acceptance, Observation, Rejection, Triangulated, check, ray_parallax, require_in_front,
+    require_parallax,
 };
+use super::refine::{Minimum, normal_equations};
+use super::start::midpoint;
 use crate::camera::Pinhole;
 use crate::epipolar::EpipolarPair;
 use crate::linalg::cholesky;

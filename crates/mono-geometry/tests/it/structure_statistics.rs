@@ -4,7 +4,7 @@
 //! certain error, and the NEES of those that remain has another distribution than chi-square. No trial is lost: that is
 //! asserted.
 //!
-//! What to expect: with z the error of rho over its deviation and r = sigma_rho / rho, the error in metres is, in every
+//! The expectation: with z the error of rho over its deviation and r = sigma_rho / rho, the error in metres is, in every
 //! component, (1 + r z) times what the covariance reported at the estimate makes of the error in inverse depth. So the NEES
 //! in metres is (1 + r z)^2 times that in inverse depth, of mean 3 + 5 r^2, and the depth error over its deviation is
 //! -z (1 + r z), of mean -r. At 20 000 trials the bands are 3 +- 0.078 and 0 +- 0.032 (4.5 standard errors): r = 0.22, 0.11,

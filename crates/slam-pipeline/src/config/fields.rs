@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use super::{Config, ConfigError};
+use super::error::ConfigError;
+use super::sections::Config;
 
 /// Values a key may take.
 #[derive(Debug, Clone, Copy, PartialEq)]

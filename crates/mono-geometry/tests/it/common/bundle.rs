@@ -1,4 +1,4 @@
-//! What the tests of the bundle share: a short wall run, a sighting, the solved problem, the gauge error.
+//! Shared by the tests of the bundle: a short wall run, a sighting, the solved problem, the gauge error.
 
 use mono_geometry::bundle::{BundlePose, Options, PixelObservation, Problem, adjust, covariance};
 use mono_geometry::{GeometryError, RobustLoss};

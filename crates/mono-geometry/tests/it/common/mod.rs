@@ -1,4 +1,4 @@
-//! What the tests of several views share: the paper's camera, poses by their target, sightings.
+//! Shared by the tests of several views: the paper's camera, poses by their target, sightings.
 
 #[cfg(feature = "bundle")]
 pub(crate) mod bundle;

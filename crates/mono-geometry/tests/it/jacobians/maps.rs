@@ -1,4 +1,4 @@
-//! What is built on cameras and groups: a point in anchored inverse depth seen by a camera, a homography, the essential
+//! Maps built on cameras and groups: a point in anchored inverse depth seen by a camera, a homography, the essential
 //! matrix of a motion.
 
 use mono_geometry::epipolar::refine::Freedom;

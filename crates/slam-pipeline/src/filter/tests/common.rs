@@ -1,4 +1,4 @@
-//! What the tests of the filter share: the paper's camera, random poses, oracles.
+//! Shared by the tests of the filter: the paper's camera, random poses, oracles.
 
 use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
 use crate::filter::metric::MetricState;

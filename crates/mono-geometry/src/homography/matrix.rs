@@ -1,25 +1,6 @@
-//! Homographies: the map of one plane's image to another, from four points or from many.
-//!
-//! Problem: find the 3x3 matrix H, up to scale, with target ~ H source (homogeneous), for points of a plane (metres,
-//! pixels or normalised coordinates) and their images. Four points in general position fix its 8 degrees of freedom.
-//!
-//! Four points ([`Homography::from_four_points`]): with the points as columns, A diag(a) and B diag(b) are the bases in
-//! which the fourth point is (1, 1, 1); H = B diag(b / a) A^-1. No decomposition, no iteration.
-//!
-//! Many points: [`fit`].
-//!
-//! Degenerate: two of the four points coincide or three are collinear, in either image; of many points, all but one
-//! collinear. The first is `None`, the second an error with the rank found. Points collinear only up to noise pass:
-//! their covariance tells.
-//!
-//! Source: Hartley and Zisserman (2004), algorithms 4.1 to 4.3, section 5.2; Sampson error section 4.2.6.
-
-mod fit;
+//! The homography itself: its matrix, the maps and errors of points, and the one through four points.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-
-pub(crate) use fit::rough;
-pub use fit::{HomographyError, HomographyFit, Matrix9, fit};
 
 use crate::linalg::svd3;
 
@@ -180,14 +161,14 @@ const TRIPLES: [[usize; 3]; 4] = [[1, 2, 3], [2, 0, 3], [0, 1, 3], [0, 1, 2]];
 
 /// x -> scale (x - centre): centroid at zero, mean distance sqrt 2.
 #[derive(Debug, Clone, Copy)]
-struct Similarity {
+pub(super) struct Similarity {
     centre: Vector2<f64>,
-    scale: f64,
+    pub(super) scale: f64,
 }
 
 impl Similarity {
     /// `None` if all points coincide to rounding.
-    fn of(points: &[Vector2<f64>]) -> Option<Self> {
+    pub(super) fn of(points: &[Vector2<f64>]) -> Option<Self> {
         let count = points.len() as f64;
         let centre = points.iter().map(|p| p / count).sum::<Vector2<f64>>();
         let distance = points
@@ -199,18 +180,18 @@ impl Similarity {
         (apart && scale.is_finite()).then_some(Self { centre, scale })
     }
 
-    fn apply(&self, point: &Vector2<f64>) -> Vector2<f64> {
+    pub(super) fn apply(&self, point: &Vector2<f64>) -> Vector2<f64> {
         (point - self.centre) * self.scale
     }
 
-    fn forth(&self) -> Matrix3<f64> {
+    pub(super) fn forth(&self) -> Matrix3<f64> {
         let shift = -self.centre * self.scale;
         Matrix3::new(
             self.scale, 0.0, shift.x, 0.0, self.scale, shift.y, 0.0, 0.0, 1.0,
         )
     }
 
-    fn back(&self) -> Matrix3<f64> {
+    pub(super) fn back(&self) -> Matrix3<f64> {
         let size = 1.0 / self.scale;
         Matrix3::new(
             size,
@@ -273,7 +254,7 @@ fn twice_area(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>) -> f64 {
     (b - a).perp(&(c - a))
 }
 
-fn dehomogenize(image: &Vector3<f64>) -> Option<Vector2<f64>> {
+pub(super) fn dehomogenize(image: &Vector3<f64>) -> Option<Vector2<f64>> {
     let point = image.xy() / image.z;
     point.iter().all(|v| v.is_finite()).then_some(point)
 }
