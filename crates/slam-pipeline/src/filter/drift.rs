@@ -1,8 +1,8 @@
 //! The drift of the whole estimate, which the spread of the particles does not show.
 //!
 //! After some resamplings all particles share one ancestor, and their spread
-//! says nothing of the error of the common path. That error is propagated here
-//! in closed form, next to the filter. Let e_t = (dx, dy, dphi) be the error of
+//! says nothing about the error of the common path. That error is propagated
+//! here in closed form, beside the filter. Let e_t = (dx, dy, dphi) be the error of
 //! keyframe t. Landmarks anchored at keyframe a carry e_a with them, so with
 //! Lambda_a the information that group gives about pose t, and Lambda the total,
 //!
@@ -24,8 +24,8 @@ use super::observation::{Prepared, Scoring};
 use super::pose::{PLANAR, PoseMatrix};
 use crate::rig::Rig;
 
-/// Keyframes whose joint covariance is kept; an older anchor counts as the
-/// oldest of them. Memory: 72 bytes times its square.
+/// Number of keyframes whose joint covariance is kept. An older anchor counts as the oldest of them. The memory is
+/// 36 bytes times its square.
 const WINDOW: usize = 256;
 
 /// The information behind a keyframe's pose, by the keyframes that its landmarks are anchored in.
@@ -38,8 +38,8 @@ pub(crate) struct Support {
 }
 
 impl Support {
-    /// The support of `posterior`; `matches` with the anchor keyframe of each;
-    /// `scale` metres per unit of the particle.
+    /// The support of `posterior`, from `matches` with the anchor keyframe of each. The particle has `scale` metres per
+    /// unit. `None` if a factor is singular.
     #[must_use]
     pub(crate) fn new(
         rig: &Rig,
@@ -92,15 +92,15 @@ fn planar(m: &PoseMatrix) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| m[(PLANAR[i], PLANAR[j])])
 }
 
-/// Rigid error at `to` caused by a rigid error at `from`.
+/// The map from a rigid error at `from` to the error that it causes at `to`.
 fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
     let d = to - from;
     Matrix3::new(1.0, 0.0, -d.y, 0.0, 1.0, d.x, 0.0, 0.0, 1.0)
 }
 
-/// A covariance that covers both: what `spread` lacks of `drift` is added to it.
+/// The smallest covariance that is at least `spread` and at least `drift` in every direction.
 ///
-/// While the particles still differ, their spread and the drift tell of the same
+/// While the particles still differ, their spread and the drift describe the same
 /// error; adding them would count it twice. In coordinates in which `spread` is
 /// the identity, the directions where `drift` is larger are taken from it.
 #[must_use]

@@ -80,11 +80,11 @@ impl Landmark {
         }
     }
 
-    /// The same landmark with its unknown depth beyond what the camera has
-    /// driven towards it since the anchor: seen again, it was not passed.
+    /// The same landmark with a prior of its depth that lies beyond the distance the camera has driven towards it since
+    /// the anchor: a landmark that is seen again was not passed.
     ///
-    /// Only for a landmark whose depth was never measured. The prior of inverse
-    /// depth keeps its shape (mean two sigmas above zero).
+    /// This is only for a landmark whose depth was never measured. The prior of the inverse depth keeps its shape, with
+    /// its mean two standard deviations above zero.
     #[must_use]
     pub(crate) fn in_front_of(&self, geometry: &LandmarkGeometry, centre: &Vector3<f64>) -> Self {
         /// Share of the prior mean depth the camera may have driven.
@@ -111,8 +111,7 @@ impl Landmark {
         }
     }
 
-    /// sigma_rho / rho for an inverse-depth landmark, zero for a point:
-    /// how open its depth still is.
+    /// The ratio sigma_rho / rho of an inverse-depth landmark, which says how open its depth still is; zero for a point.
     #[must_use]
     pub(crate) fn depth_openness(&self) -> f64 {
         match self.parametrisation {
@@ -135,7 +134,7 @@ impl Landmark {
     }
 }
 
-/// Pixel covariance that the landmark's own uncertainty causes: J Sigma J^T.
+/// The pixel covariance J Sigma J^T that the uncertainty of the landmark causes.
 #[must_use]
 pub(crate) fn projected_covariance(
     jacobian: &Matrix2x3<f64>,

@@ -15,11 +15,11 @@ use ukf::{SigmaPoints, unscented_transform};
 
 use super::landmark::Landmark;
 
-/// Gate on the normalised innovation squared: 2 degrees of freedom, 1e-4.
+/// Gate on the normalised innovation squared, which one in 10 000 good measurements exceeds (2 degrees of freedom).
 const GATE: f64 = 18.4;
-/// Linearisations while the depth is open.
+/// Number of linearisations while the depth is open.
 const OPEN_ITERATIONS: usize = 4;
-/// sigma_rho / rho above which the depth is open here.
+/// Ratio sigma_rho / rho above which the depth counts as open in the update.
 const OPEN_DEPTH: f64 = 0.15;
 /// Share of the inverse depth, and of its prior, that the first linearisation
 /// of an open depth spans.
@@ -104,8 +104,8 @@ impl LandmarkUpdate<'_> {
         })
     }
 
-    /// Where to linearise an open depth first: at the depth the pixel shows,
-    /// narrow enough that no sigma point lies behind the camera.
+    /// The Gaussian at which an open depth is linearised first: at the depth that the pixel shows, and so narrow that no
+    /// sigma point lies behind the camera.
     fn start(
         &self,
         camera: &PlacedCamera,

@@ -1,13 +1,11 @@
 //! The observation likelihood: how well a pose explains a frame, given the map before it (Eq. 26-30).
 //!
-//! `exact`: each match contributes log((1 - eps) N(d; 0, J G J^T + R) + eps / A):
-//! pixel noise and log-determinant are in, and a wrong match costs at most a
-//! constant. A match of open depth contributes the same across its epipolar
-//! line only: the paper's Eq. 30 with a noise and no use of information twice.
+//! In the exact form each match contributes log((1 - eps) N(d; 0, J G J^T + R) + eps / A). The pixel noise and the
+//! log-determinant are included, and a wrong match costs at most a constant. A match of open depth contributes the same
+//! across its epipolar line only, which is the paper's Eq. 30 with a noise and without using information twice.
 //!
-//! `paper`: Eq. 29 as printed, S = J G J^T without pixel noise or determinant,
-//! d^2 clipped at T_l = 3, and Eq. 30, linear pixel distances to both epipolar
-//! lines without a sigma.
+//! The printed form is Eq. 29 with S = J G J^T, without pixel noise or determinant, and d^2 clipped at T_l = 3; and
+//! Eq. 30, the linear pixel distances to both epipolar lines without a standard deviation.
 
 use core::f64::consts::PI;
 
@@ -23,8 +21,8 @@ use crate::rig::Rig;
 
 /// T_l of Eq. 29.
 const PAPER_INNOVATION_CLIP: f64 = 3.0;
-/// Eq. 29 divides by a covariance that shrinks without bound; this is what
-/// rounding leaves of a pixel.
+/// Floor of the covariance that Eq. 29 divides by, which otherwise shrinks without bound: the square of the rounding of
+/// a pixel.
 const PAPER_VARIANCE_FLOOR_PX2: f64 = 1e-6;
 
 /// The observation likelihood of one frame.
@@ -46,10 +44,10 @@ struct View<'a> {
 }
 
 impl Likelihood {
-    /// log p(z | pose, map), natural logarithm; pixels^-n.
+    /// The natural logarithm of p(z | pose, map), a density in pixels^-n.
     ///
-    /// `matches` as prepared for the particle; a landmark the particle lacks or
-    /// cannot see counts as a wrong match, so that weights compare.
+    /// The `matches` are those prepared for the particle. A landmark that the particle lacks or cannot see counts as a
+    /// wrong match, so that weights compare.
     #[must_use]
     pub(crate) fn log(&self, rig: &Rig, pose: &CameraPose, matches: &[Option<Prepared>]) -> f64 {
         let size = rig.image_size_px();

@@ -25,7 +25,7 @@ use crate::rig::Rig;
 /// is 1.345; matches are gated before, so the bend sits further out.
 const HUBER_SIGMAS: f64 = 2.5;
 
-/// Gaussian posterior of the whitened pose xi, and where it lies.
+/// Gaussian posterior of the whitened pose xi.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PosePosterior {
     /// Mean in whitened coordinates of the prior.
@@ -67,8 +67,8 @@ const SPREAD_SQUARED: f64 = POSE_DIM as f64;
 
 /// Posterior of the pose given `matches`, after `iterations` linearisations.
 ///
-/// Matches that a sigma point cannot see are left out. Cost:
-/// O(iterations (13 projections + 6^2) matches).
+/// Matches that a sigma point cannot see are left out. The cost is 13 projections and a rank-two update of a 6 x 6 matrix
+/// for every match and iteration.
 #[must_use]
 pub(crate) fn pose_posterior(
     rig: &Rig,

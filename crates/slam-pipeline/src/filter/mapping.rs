@@ -20,7 +20,7 @@ use super::particle::{Keyframe, Particle};
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 
-/// Landmark updates and new landmarks.
+/// The map update of a particle: landmarks are updated, started and removed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mapping<'a> {
     /// Camera and mount.

@@ -14,10 +14,10 @@ use crate::odometry::Control;
 pub(crate) enum Scoring {
     /// Both pixel coordinates.
     Full,
-    /// Only the coordinate across the epipolar line: the depth is still open.
+    /// Only the coordinate across the epipolar line, because the depth is still open.
     /// A free depth would pay nothing for a shorter step and shrink the world.
     AcrossEpipolar,
-    /// Not at all; the landmark alone learns from it.
+    /// Neither of them; only the landmark is updated by it.
     MapOnly,
 }
 
@@ -103,7 +103,8 @@ impl Prepared {
         }
     }
 
-    /// sigma_rho when the depth is open, that is sigma_rho / rho above `threshold`.
+    /// The standard deviation of the inverse depth, if its ratio to the inverse depth is above `threshold`; `None` for
+    /// a depth that is closed.
     #[must_use]
     pub(crate) fn open_sigma(&self, threshold: f64) -> Option<f64> {
         let sigma = self.covariance[(2, 2)].sqrt();
