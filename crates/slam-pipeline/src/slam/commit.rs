@@ -3,7 +3,8 @@
 use mono_geometry::Se2;
 use rbpf_core::unique_ancestors;
 
-use super::plan::{Plan, PlannedKeyframe, PlannedStep};
+use super::keyframe::PlannedKeyframe;
+use super::plan::{Plan, PlannedStep};
 use super::{FrameAnchor, FrameReport, PoseEstimate, Slam};
 
 impl Slam {

@@ -4,13 +4,14 @@
 //! last step, or waited too long is a *keyframe*: a filter step of all particles in the order propose, weight,
 //! resample, evolve, update the map, start landmarks. The frames between only refine the pose that is reported.
 //!
-//! A frame is planned from the unchanged state (`plan`) and committed at its end (`commit`), so a frame that fails
+//! A frame is planned from the unchanged state (`plan`, `keyframe`) and committed at its end (`commit`), so a frame that fails
 //! leaves no trace. The decisions have files of their own: `keyframe_policy`, `scoring_budget`, `feature_budget`; the
 //! gates and the belief in landmarks are those of the front end.
 
 mod commit;
 mod estimate;
 mod feature_budget;
+mod keyframe;
 mod keyframe_policy;
 mod plan;
 mod report;

@@ -1,0 +1,265 @@
+//! The plan of a keyframe: one filter step of all particles and the changes of the catalogue that come with it.
+
+use feature_kdtree::KdForest;
+use nalgebra::{Vector2, Vector3};
+use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
+
+use super::feature_budget::strongest_unused;
+use super::scoring_budget::spread_scoring;
+use super::{FrameReport, KeypointFate, Slam, SlamError, Stage, StageObserver, filter_error};
+use crate::filter::drift::Support;
+use crate::filter::evolution::PoseEvolution;
+use crate::filter::landmark::{InverseDepthPrior, Landmark};
+use crate::filter::mapping::Mapping;
+use crate::filter::motion::MotionPrior;
+use crate::filter::observation::{
+    FrameObservation, Initialisation, MatchedFeature, Prepared, Sighting,
+};
+use crate::filter::particle::Particle;
+use crate::filter::proposal::PoseProposal;
+use crate::frontend::association::Association;
+use crate::frontend::catalogue::{self, CatalogueUpdate, NewFeature, SeenAgain};
+use crate::frontend::frame::FrameFeatures;
+use crate::frontend::missed::missed_landmarks;
+use crate::method::LandmarkStart;
+use crate::odometry::Control;
+
+/// The new state after a filter step.
+pub(super) struct PlannedKeyframe {
+    pub(super) filter: ParticleFilter<Particle>,
+    pub(super) catalogue: CatalogueUpdate,
+    pub(super) forest: Option<KdForest>,
+    pub(super) support: Option<Support>,
+    pub(super) control: Control,
+}
+
+/// A frame as the reference particle sees it.
+pub(super) struct Seen<'a> {
+    pub(super) frame: FrameFeatures<'a>,
+    pub(super) reference: Particle,
+    pub(super) prior: MotionPrior,
+    pub(super) control: Control,
+    pub(super) association: Association,
+}
+
+impl Slam {
+    pub(super) fn plan_keyframe(
+        &self,
+        seen: &Seen<'_>,
+        report: &mut FrameReport,
+        observer: &mut dyn StageObserver,
+    ) -> Result<PlannedKeyframe, SlamError> {
+        let state = &self.state;
+        let missed = missed_landmarks(&state.catalogue, &seen.association);
+        let removed: Vec<u32> = missed
+            .iter()
+            .copied()
+            .filter(|id| {
+                state
+                    .catalogue
+                    .get(*id)
+                    .is_some_and(|e| e.existence.missed().is_gone())
+            })
+            .collect();
+        let mut matches: Vec<_> = seen.association.inliers.iter().map(|p| p.feature).collect();
+        spread_scoring(
+            &mut matches,
+            self.config.association.max_scored as usize,
+            &self.rig.image_size_px(),
+        );
+        let support = self.support(seen, &matches);
+        let initialised = self.ready_for_two_views(&seen.association);
+        let promoted = self.promoted(&matches, &initialised);
+        report.new_landmarks = promoted.len();
+        let observation = FrameObservation {
+            control: seen.control,
+            matches,
+            initialised,
+            removed,
+        };
+        let filter = self.filter_step(&observation, report, observer)?;
+        let update = CatalogueUpdate {
+            missed,
+            promoted,
+            removed: observation.removed,
+            seen: self.seen_again(seen),
+            new: self.new_features(seen, report),
+            forget_before: state
+                .keyframe
+                .saturating_sub(self.config.mapping.tentative_keyframes - 1),
+        };
+        Ok(PlannedKeyframe {
+            filter,
+            forest: state.catalogue.forest_after(&update)?,
+            catalogue: update,
+            support,
+            control: seen.control,
+        })
+    }
+
+    /// The filter after this keyframe. The first frame has no motion: it only starts the path.
+    fn filter_step(
+        &self,
+        observation: &FrameObservation,
+        report: &mut FrameReport,
+        observer: &mut dyn StageObserver,
+    ) -> Result<ParticleFilter<Particle>, SlamError> {
+        let mut filter = self.state.filter.clone();
+        let mapping = Mapping {
+            rig: &self.rig,
+            points: self.policies.landmark_points,
+            start: self.policies.landmark_start,
+        };
+        if self.state.frame == 0 {
+            observer.begin(Stage::Mapping);
+            for particle in filter.particles_mut() {
+                let Ok(()) = mapping.update_map(particle, observation);
+            }
+            return Ok(filter);
+        }
+        let proposal = PoseProposal {
+            rig: &self.rig,
+            carrier: &self.carrier,
+            likelihood: &self.likelihood,
+            kind: self.policies.proposal,
+            weight: self.policies.weight,
+        };
+        let evolution = PoseEvolution {
+            rig: &self.rig,
+            operators: self.policies.evolution,
+            steps: self.config.filter.evolution_steps as usize,
+            likelihood: &self.likelihood,
+        };
+        let step = filter
+            .step_observed(
+                self.state.frame as u64,
+                observation,
+                &proposal,
+                &evolution,
+                &mapping,
+                &mut |stage| match stage {
+                    StepStage::Proposal => {}
+                    StepStage::Rejuvenation => observer.begin(Stage::Evolution),
+                    StepStage::MapUpdate => observer.begin(Stage::Mapping),
+                },
+            )
+            .map_err(|e| filter_error(self.state.frame, e))?;
+        report.n_eff = step.n_eff;
+        report.resampled = step.resampled();
+        report.es_acceptance = step.rejuvenation.acceptance();
+        Ok(filter)
+    }
+
+    /// The information behind the pose of this keyframe in the reference particle; `None` without matches, where
+    /// odometry alone carries the error on.
+    fn support(&self, seen: &Seen<'_>, matches: &[MatchedFeature]) -> Option<Support> {
+        let anchored: Vec<(u32, Prepared)> = matches
+            .iter()
+            .filter_map(|m| {
+                let landmark = seen.reference.map.get(m.id).or(m.prototype.as_ref())?;
+                Some((
+                    landmark.anchor()?,
+                    seen.association.in_view.get(&m.id)?.measured(m),
+                ))
+            })
+            .collect();
+        if anchored.is_empty() {
+            return None;
+        }
+        Support::new(
+            &self.rig,
+            &seen.prior,
+            &seen.association.posterior,
+            seen.reference.metric.scale(),
+            &anchored,
+        )
+    }
+
+    /// Tentative features matched now whose two views have parallax enough in the reference particle.
+    fn ready_for_two_views(&self, association: &Association) -> Vec<Initialisation> {
+        let LandmarkStart::TwoViews { min_parallax } = self.policies.landmark_start else {
+            return Vec::new();
+        };
+        association
+            .inliers
+            .iter()
+            .filter_map(|pair| {
+                let entry = self.state.catalogue.get(pair.feature.id)?;
+                let predicted = association.in_view.get(&pair.feature.id)?;
+                (entry.stage == catalogue::Stage::Tentative
+                    && predicted.parallax(
+                        &pair.feature.pixel,
+                        self.rig.pinhole(),
+                        &association.camera,
+                    ) >= min_parallax)
+                    .then_some(Initialisation {
+                        id: pair.feature.id,
+                        first: entry.first,
+                        second: pair.feature.pixel,
+                        sigma_px: self.association.sigma_px,
+                    })
+            })
+            .collect()
+    }
+
+    /// Tentative features that become landmarks of every map with this keyframe.
+    fn promoted(&self, matches: &[MatchedFeature], initialised: &[Initialisation]) -> Vec<u32> {
+        let starts = |id: u32| match self.policies.landmark_start {
+            LandmarkStart::SecondSighting => true,
+            LandmarkStart::TwoViews { .. } => initialised.iter().any(|i| i.id == id),
+        };
+        matches
+            .iter()
+            .filter(|m| m.prototype.is_some() && starts(m.id))
+            .map(|m| m.id)
+            .collect()
+    }
+
+    fn seen_again(&self, seen: &Seen<'_>) -> Vec<SeenAgain> {
+        seen.association
+            .inliers
+            .iter()
+            .map(|pair| SeenAgain {
+                id: pair.feature.id,
+                descriptor: seen.frame.features.descriptors[pair.keypoint],
+                sighting: self.sighting(pair.feature.pixel),
+                direction: seen
+                    .association
+                    .in_view
+                    .get(&pair.feature.id)
+                    .map_or_else(Vector3::zeros, |p| p.direction),
+            })
+            .collect()
+    }
+
+    fn new_features(&self, seen: &Seen<'_>, report: &mut FrameReport) -> Vec<NewFeature> {
+        let depth = InverseDepthPrior::beyond(self.config.mapping.min_depth_m);
+        let limit = self.config.mapping.max_new as usize;
+        let mut new = Vec::new();
+        for k in strongest_unused(&seen.frame, &seen.association, limit) {
+            let Some(pixel) = seen.frame.ideal[k] else {
+                continue;
+            };
+            new.push(NewFeature {
+                descriptor: seen.frame.features.descriptors[k],
+                prototype: Landmark::from_first_sighting(
+                    self.rig.pinhole(),
+                    self.state.keyframe,
+                    &pixel,
+                    self.association.sigma_px,
+                    depth,
+                ),
+                sighting: self.sighting(pixel),
+            });
+            report.keypoints[k].fate = KeypointFate::New;
+        }
+        new
+    }
+
+    fn sighting(&self, pixel: Vector2<f64>) -> Sighting {
+        Sighting {
+            keyframe: self.state.keyframe,
+            pixel,
+        }
+    }
+}
