@@ -4,7 +4,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use mono_geometry::calibration::{CalibrationOptions, CalibrationView, LensModel, calibrate};
-use mono_geometry::{Camera, Distortion, Homography, Pinhole, Se3, homography, so3};
+use mono_geometry::homography::Homography;
+use mono_geometry::{Camera, Distortion, Pinhole, Se3, homography, so3};
 use nalgebra::{Vector2, Vector3};
 
 /// Linear congruential numbers in [0, 1), the same in the script.

@@ -3,12 +3,14 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use mono_geometry::inverse_depth::InverseDepthPoint;
 use mono_geometry::linalg::svd;
 use mono_geometry::pnp::{Correspondence, RefineOptions, estimate_pose, p3p, refine_pose};
-use mono_geometry::triangulation::{correct_match, triangulate_two_views};
+use mono_geometry::triangulation::{
+    Acceptance, Observation, correct_match, triangulate, triangulate_two_views,
+};
 use mono_geometry::{
-    Acceptance, Camera, Distortion, InverseDepthPoint, Mount, Observation, Pinhole, PlacedCamera,
-    Se2, Se3, epipolar, inverse_depth, triangulate,
+    Camera, Distortion, Mount, Pinhole, PlacedCamera, Se2, Se3, epipolar, inverse_depth,
 };
 use nalgebra::{DMatrix, Vector2, Vector3};
 

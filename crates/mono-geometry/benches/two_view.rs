@@ -3,13 +3,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use mono_geometry::epipolar::Correspondence;
-use mono_geometry::epipolar::eight_point::{EightPoint, fundamental_from_points};
-use mono_geometry::epipolar::five_point::{FivePoint, essential_from_five};
-use mono_geometry::epipolar::planar_motion::{PlanarTwoPoint, arc_from_one, planar_from_two};
-use mono_geometry::epipolar::refine::refine;
-use mono_geometry::epipolar::relative_pose::RelativePose;
-use mono_geometry::epipolar::scorer::SampsonScorer;
+use mono_geometry::epipolar::{
+    Correspondence, EightPoint, FivePoint, PlanarTwoPoint, RelativePose, SampsonScorer,
+    arc_from_one, essential_from_five, fundamental_from_points, planar_from_two, refine,
+};
 use mono_geometry::ransac::{Options, Uniform, ransac};
 use mono_geometry::{Mount, Pinhole, Se2, Se3};
 use nalgebra::{Vector2, Vector3};

@@ -16,12 +16,10 @@
 
 use std::time::{Duration, Instant};
 
-use mono_geometry::epipolar::Correspondence;
-use mono_geometry::epipolar::five_point::FivePoint;
-use mono_geometry::epipolar::planar_motion::PlanarTwoPoint;
-use mono_geometry::epipolar::refine::{refine, refine_narrowed};
-use mono_geometry::epipolar::relative_pose::{RelativePose, choose_pose};
-use mono_geometry::epipolar::scorer::SampsonScorer;
+use mono_geometry::epipolar::{
+    Correspondence, FivePoint, PlanarTwoPoint, RelativePose, SampsonScorer, choose_pose, refine,
+    refine_narrowed,
+};
 use mono_geometry::ransac::{Options, Prosac, Report, Uniform, ransac};
 use mono_geometry::{Mount, Pinhole, Se3};
 use nalgebra::{Matrix3, Vector2, Vector3};

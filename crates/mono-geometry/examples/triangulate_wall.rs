@@ -4,7 +4,8 @@
 
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
-use mono_geometry::{Acceptance, Mount, Observation, Pinhole, Se2, triangulate};
+use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
+use mono_geometry::{Mount, Pinhole, Se2};
 use nalgebra::{Matrix3, Vector3};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

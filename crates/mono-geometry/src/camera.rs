@@ -16,9 +16,9 @@ use crate::distortion::{Distortion, MAX_LENS_PARAMETERS};
 use crate::error::{GeometryError, checked};
 
 /// fx, fy, cx, cy: the parameters of a camera that are not the lens's.
-pub const PINHOLE_PARAMETERS: usize = 4;
+const PINHOLE_PARAMETERS: usize = 4;
 /// Most parameters a camera has: 4 and the lens's.
-pub const MAX_PARAMETERS: usize = PINHOLE_PARAMETERS + MAX_LENS_PARAMETERS;
+pub(crate) const MAX_PARAMETERS: usize = PINHOLE_PARAMETERS + MAX_LENS_PARAMETERS;
 
 /// Derivative of a pixel by [`Camera::parameters`]; columns beyond [`Camera::parameter_count`] are zero.
 pub type ParameterJacobian = SMatrix<f64, 2, MAX_PARAMETERS>;
@@ -113,7 +113,12 @@ impl Pinhole {
     }
 }
 
-/// A checked camera: pinhole and lens.
+/// A camera whose parameters were checked: a pinhole behind a lens.
+///
+/// Two kinds of pixel must not be mixed. A *distorted* pixel is where a feature is found in the image
+/// ([`Self::project`], [`Self::undistort`]); an *ideal* pixel is where the same ray would meet the image of the bare
+/// pinhole ([`Self::undistort_pixel`], [`Pinhole::project`]). Filters, triangulation and epipolar geometry work in ideal
+/// pixels: the lens is taken out once per feature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     pinhole: Pinhole,

@@ -9,21 +9,33 @@
 //! Degenerate: without a baseline there is no constraint and no matrix (`None`, not zeros: a zero matrix accepts
 //! everything). At an epipole the line is undefined. A baseline of rounding size counts as none; whether one of a
 //! centimetre is worth scoring is for the caller, who knows the uncertainty of its poses.
-
 //!
-//! From matches to matrices and poses: [`five_point`], [`eight_point`], [`planar_motion`], [`four_point`] (minimal solvers),
-//! [`scorer`] (for RANSAC), [`relative_pose`] (which of the four poses), [`refine`] (least squares with covariance),
-//! [`plane_pose`] (homographies).
+//! From matches to matrices and poses: [`FivePoint`], [`EightPoint`], [`PlanarTwoPoint`], [`ArcOnePoint`], [`FourPoint`]
+//! (minimal solvers), [`SampsonScorer`] (for RANSAC), [`choose_pose`] (which of the four poses), [`refine`] (least squares
+//! with covariance), [`plane_poses`] (homographies).
 
-pub mod eight_point;
-pub mod five_point;
-pub mod four_point;
-pub mod planar_motion;
-pub mod plane_pose;
+mod eight_point;
+mod five_point;
+mod four_point;
+mod planar_motion;
+mod plane_pose;
 mod real_roots;
-pub mod refine;
-pub mod relative_pose;
-pub mod scorer;
+mod refine;
+mod relative_pose;
+mod scorer;
+
+pub use eight_point::{
+    EightPoint, LinearFundamental, NoFundamental, essential_from_points, fundamental_from_points,
+};
+pub use five_point::{FivePoint, essential_from_five};
+pub use four_point::{FourPoint, HomographyScorer};
+pub use planar_motion::{ArcOnePoint, PlanarMotion, PlanarTwoPoint, arc_from_one, planar_from_two};
+pub use plane_pose::{PlanePose, plane_poses};
+pub use refine::{Freedom, Refined, refine, refine_narrowed};
+pub use relative_pose::{
+    Candidate, PoseChoice, RelativePose, Undecided, candidates, choose_pose, in_front,
+};
+pub use scorer::{EpipolarModel, SampsonScorer};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

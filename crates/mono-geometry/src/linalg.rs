@@ -20,7 +20,7 @@ mod null_space;
 
 #[cfg(feature = "bundle")]
 pub(crate) use dense_cholesky::DenseCholesky;
-pub use null_space::null_space;
+pub(crate) use null_space::null_space;
 
 /// Thin singular value decomposition A = U diag(s) V^T of an m x n matrix, k = min(m, n).
 #[derive(Debug, Clone, PartialEq)]

@@ -12,7 +12,9 @@ use crate::error::{GeometryError, checked};
 use crate::se3::Se3;
 use crate::so3::rotation_from_matrix;
 
-/// Pose of the camera in the body.
+/// Pose of the camera in the body: from a planar body pose to a camera pose in space.
+///
+/// R_world_from_body = Rz(phi) Ry(pitch) Rx(roll); positive pitch lowers the nose, positive roll lowers the right side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
     /// Maps camera points to body points; the translation is the camera's position in the body, metres.

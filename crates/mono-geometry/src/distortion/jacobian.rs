@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 /// Most parameters a lens has (the rational model).
-pub const MAX_LENS_PARAMETERS: usize = 8;
+pub(crate) const MAX_LENS_PARAMETERS: usize = 8;
 
 /// Derivative of a distorted normalised point by the parameters of the lens, in the order of
 /// [`super::Distortion::parameters`]; columns beyond their number are zero.

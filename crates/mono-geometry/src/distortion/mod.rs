@@ -23,5 +23,6 @@ mod radtan;
 mod rational;
 mod roots;
 
-pub use jacobian::{LensJacobian, MAX_LENS_PARAMETERS};
+pub use jacobian::LensJacobian;
+pub(crate) use jacobian::MAX_LENS_PARAMETERS;
 pub use model::Distortion;

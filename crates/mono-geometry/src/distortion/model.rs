@@ -8,7 +8,11 @@ use super::rational::Ratio;
 use super::{invert, kannala_brandt, radtan};
 use crate::error::{GeometryError, checked};
 
-/// A lens distortion model; every finite coefficient is legal.
+/// A lens distortion model on the normalised image plane (x = X/Z, y = Y/Z); every finite coefficient is legal.
+///
+/// The parameters come in the order of the common calibration tools. Outside the image a fitted model may fold over, so
+/// nothing beyond [`Self::field_radius`] is projected or undistorted. The normalised plane ends at 90 degrees off the
+/// axis: mirrors and lenses that see behind the camera are out of reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distortion {
     /// An ideal pinhole.

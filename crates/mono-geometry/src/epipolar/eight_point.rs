@@ -81,7 +81,7 @@ pub fn essential_from_points(matches: &[Correspondence]) -> Result<Matrix3<f64>,
 
 /// U diag(1, 1, 0) V^T. `None` for NaN, or a matrix of rank below 2, whose essential matrix is not unique.
 #[must_use]
-pub fn nearest_essential(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+fn nearest_essential(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let svd = svd3(matrix).ok()?;
     if svd.singular_values[1] <= 3.0 * f64::EPSILON * svd.singular_values[0] {
         return None;
@@ -224,5 +224,17 @@ impl Conditioner {
             0.0,
             1.0,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_matrix_of_rank_below_two_has_no_essential_matrix_nearest() {
+        assert!(nearest_essential(&Matrix3::zeros()).is_none());
+        assert!(nearest_essential(&Matrix3::repeat(1.0)).is_none());
+        assert!(nearest_essential(&Matrix3::repeat(f64::NAN)).is_none());
     }
 }

@@ -15,7 +15,7 @@ use crate::homography::{Homography, fit, keeps_orientation};
 use crate::ransac::{Scorer, Solver};
 
 /// 95 % of a chi-square distribution of two degrees of freedom.
-pub const CHI_SQUARE_95_TWO: f64 = 5.991_464_547_107_979;
+const CHI_SQUARE_95_TWO: f64 = 5.991_464_547_107_979;
 
 /// The four-point solver; data in pixels or normalised coordinates.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -13,7 +13,7 @@ use crate::camera::Pinhole;
 use crate::ransac::Scorer;
 
 /// 95 % of a chi-square distribution of one degree of freedom.
-pub const CHI_SQUARE_95_ONE: f64 = 3.841_458_820_694_124;
+const CHI_SQUARE_95_ONE: f64 = 3.841_458_820_694_124;
 
 /// A model with a fundamental or essential matrix F, p2^T F p1 = 0.
 pub trait EpipolarModel {

@@ -27,7 +27,7 @@ use crate::least_squares::{Control, Model, Problem, Taken, Termination, Trial, m
 use crate::linalg::{cholesky, svd};
 
 /// A 9x9 matrix over the entries of H, row by row.
-pub type Matrix9 = SMatrix<f64, 9, 9>;
+type Matrix9 = SMatrix<f64, 9, 9>;
 type Vector9 = SVector<f64, 9>;
 
 /// A step of this length on the sphere |H| = 1 is the last one: the next would be shorter by orders of magnitude.

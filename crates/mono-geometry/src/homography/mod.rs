@@ -18,5 +18,5 @@ mod fit;
 mod matrix;
 
 pub(crate) use fit::rough;
-pub use fit::{HomographyError, HomographyFit, Matrix9, fit};
+pub use fit::{HomographyError, HomographyFit, fit};
 pub use matrix::{Homography, keeps_orientation};

@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector};
 /// `None` if a pivot is at most `tolerance` times the first, the rank is then below M; if an entry is not finite; or if
 /// K is not N - M. Rounding of the entries alone leaves pivots of a few N eps.
 #[must_use]
-pub fn null_space<const M: usize, const N: usize, const K: usize>(
+pub(crate) fn null_space<const M: usize, const N: usize, const K: usize>(
     matrix: &SMatrix<f64, M, N>,
     tolerance: f64,
 ) -> Option<SMatrix<f64, N, K>> {

@@ -4,7 +4,8 @@ use mono_geometry::bundle::{
     BundlePose, OdometryFactor, Options, PlanarProblem, PosePrior, Problem, SpatialProblem, adjust,
     covariance,
 };
-use mono_geometry::{GeometryError, Increment, Mount, RobustLoss, Se2, Se3, Termination, so3};
+use mono_geometry::motion::Increment;
+use mono_geometry::{GeometryError, Mount, RobustLoss, Se2, Se3, Termination, so3};
 use nalgebra::{DVector, Matrix3, SMatrix, SVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,11 +1,12 @@
 //! Epipolar geometry: closed forms, exact matches, the distribution of the Sampson distance, no baseline.
 
 use crate::common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::epipolar::scorer::SampsonScorer;
-use mono_geometry::epipolar::{Correspondence, essential, fundamental};
+use mono_geometry::epipolar::{
+    Correspondence, EpipolarPair, SampsonScorer, essential, fundamental,
+};
 use mono_geometry::linalg::svd3;
 use mono_geometry::ransac::Scorer;
-use mono_geometry::{EpipolarPair, Se3, so3};
+use mono_geometry::{Se3, so3};
 use nalgebra::{Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use estimation_base::wrap;
-use mono_geometry::{Mount, Se2, Se3, mount::world_from_tilted_body, so3};
+use mono_geometry::{Mount, Se2, Se3, so3, world_from_tilted_body};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use proptest::test_runner::Config;

@@ -3,10 +3,11 @@
 use std::f64::consts::PI;
 
 use crate::common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, first_sighting, refine};
-use mono_geometry::{
-    Acceptance, InverseDepthPoint, Mount, PlacedCamera, Rejection, Se2, Se3, triangulate,
+use mono_geometry::inverse_depth::{
+    CONVERSION_LINEARITY_INDEX, InverseDepthPoint, NotYet, first_sighting, refine,
 };
+use mono_geometry::triangulation::{Acceptance, Rejection, triangulate};
+use mono_geometry::{Mount, PlacedCamera, Se2, Se3};
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::SeedableRng;

@@ -1,8 +1,10 @@
 //! Odometry: the exact arc against integration, the bias of the printed form, covariances against Monte Carlo.
 
 use estimation_base::Cholesky;
-use mono_geometry::motion::{accumulate, exact_arc, held_between, paper_euler};
-use mono_geometry::{ControlNoise, GeometryError, OdometrySample, Se2};
+use mono_geometry::motion::{
+    ControlNoise, OdometrySample, accumulate, exact_arc, held_between, paper_euler,
+};
+use mono_geometry::{GeometryError, Se2};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

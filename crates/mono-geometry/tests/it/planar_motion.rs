@@ -2,13 +2,10 @@
 
 use crate::common::{config, gauss};
 use estimation_base::wrap;
-use mono_geometry::epipolar::planar_motion::{
-    ArcOnePoint, PlanarMotion, PlanarTwoPoint, arc_from_one, planar_from_two,
+use mono_geometry::epipolar::{
+    ArcOnePoint, Correspondence, EpipolarModel, Freedom, PlanarMotion, PlanarTwoPoint,
+    SampsonScorer, arc_from_one, essential, in_front, planar_from_two, refine,
 };
-use mono_geometry::epipolar::refine::{Freedom, refine};
-use mono_geometry::epipolar::relative_pose::in_front;
-use mono_geometry::epipolar::scorer::{EpipolarModel, SampsonScorer};
-use mono_geometry::epipolar::{Correspondence, essential};
 use mono_geometry::ransac::{Options, Uniform, ransac};
 use mono_geometry::{Mount, Se2, Se3, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3};

@@ -1,9 +1,7 @@
 //! Homographies between two views: motion and plane recovered, robust runs, degenerate motions.
 
 use crate::common::{config, gauss};
-use mono_geometry::epipolar::Correspondence;
-use mono_geometry::epipolar::four_point::{FourPoint, HomographyScorer};
-use mono_geometry::epipolar::plane_pose::plane_poses;
+use mono_geometry::epipolar::{Correspondence, FourPoint, HomographyScorer, plane_poses};
 use mono_geometry::ransac::{Options, Uniform, ransac};
 use mono_geometry::{Se3, so3};
 use nalgebra::{Matrix3, Vector2, Vector3};

@@ -1,17 +1,19 @@
 //! Any floats at all, NaN, infinities and subnormals included: an answer or an error, never a panic, never a NaN that
 //! passes for an answer.
 
-use mono_geometry::motion::{accumulate, held_between};
+use mono_geometry::epipolar::EpipolarPair;
+use mono_geometry::inverse_depth::InverseDepthPoint;
+use mono_geometry::motion::{ControlNoise, OdometrySample, accumulate, held_between};
 use mono_geometry::pnp::{
     Correspondence, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac, p3p,
     refine_pose,
 };
 use mono_geometry::ransac::{Options, Uniform};
-use mono_geometry::triangulation::{correct_match, triangulate_two_views};
+use mono_geometry::triangulation::{
+    Acceptance, Observation, correct_match, triangulate, triangulate_two_views,
+};
 use mono_geometry::{
-    Acceptance, Camera, ControlNoise, Distortion, EpipolarPair, InverseDepthPoint, Mount,
-    Observation, OdometrySample, Pinhole, PlacedCamera, RobustLoss, Se2, Se3, inverse_depth, so3,
-    triangulate,
+    Camera, Distortion, Mount, Pinhole, PlacedCamera, RobustLoss, Se2, Se3, inverse_depth, so3,
 };
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;

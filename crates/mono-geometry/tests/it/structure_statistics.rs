@@ -12,8 +12,8 @@
 
 use crate::common::{gauss, look_at, pinhole, see};
 use mono_geometry::inverse_depth::{CONVERSION_LINEARITY_INDEX, NotYet, refine};
-use mono_geometry::triangulation::triangulate_two_views;
-use mono_geometry::{Acceptance, Observation, PlacedCamera, Se3, triangulate};
+use mono_geometry::triangulation::{Acceptance, Observation, triangulate, triangulate_two_views};
+use mono_geometry::{PlacedCamera, Se3};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -2,8 +2,10 @@
 
 use crate::common::{config, gauss, look_at, pinhole, see};
 use estimation_base::Cholesky;
-use mono_geometry::triangulation::{linear, midpoint};
-use mono_geometry::{Acceptance, Mount, Observation, Rejection, Se2, Se3, triangulate};
+use mono_geometry::triangulation::{
+    Acceptance, Observation, Rejection, linear, midpoint, triangulate,
+};
+use mono_geometry::{Mount, Se2, Se3};
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 use rand::SeedableRng;

@@ -1,8 +1,11 @@
 //! The optimal correction of a match: against the polynomial of Hartley and Sturm, near epipoles, and as a triangulation.
 
 use crate::common::{config, gauss, look_at, pinhole, see};
-use mono_geometry::triangulation::{NoCorrection, correct_match, triangulate_two_views};
-use mono_geometry::{Acceptance, EpipolarPair, Mount, Rejection, Se2, Se3, triangulate};
+use mono_geometry::epipolar::EpipolarPair;
+use mono_geometry::triangulation::{
+    Acceptance, NoCorrection, Rejection, correct_match, triangulate, triangulate_two_views,
+};
+use mono_geometry::{Mount, Se2, Se3};
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 use proptest::prelude::*;
 use rand::SeedableRng;

@@ -1,9 +1,8 @@
 //! Two-view estimates against OpenCV's; `reference/opencv_two_view.py` made the table.
 
-use mono_geometry::epipolar::Correspondence;
-use mono_geometry::epipolar::eight_point::fundamental_from_points;
-use mono_geometry::epipolar::five_point::essential_from_five;
-use mono_geometry::epipolar::relative_pose::choose_pose;
+use mono_geometry::epipolar::{
+    Correspondence, choose_pose, essential_from_five, fundamental_from_points,
+};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Case, matches, and what follows them, for the rows of one kind.

@@ -4,8 +4,11 @@
 use crate::common::pinhole;
 use mono_geometry::epipolar::fundamental;
 use mono_geometry::pnp::{Correspondence, RefineOptions, estimate_pose, p3p};
-use mono_geometry::triangulation::{Correction, correct_match, triangulate_two_views};
-use mono_geometry::{Acceptance, Observation, Rejection, Se3, Triangulated, so3};
+use mono_geometry::triangulation::{
+    Acceptance, Correction, Observation, Rejection, Triangulated, correct_match,
+    triangulate_two_views,
+};
+use mono_geometry::{Se3, so3};
 use nalgebra::{Vector2, Vector3};
 
 /// The rows of one kind.

@@ -8,7 +8,7 @@
 //! R_world_from_camera = Rz(phi) Ry(pitch) Rx(roll) R_body_from_camera.
 
 use estimation_base::{Manifold, wrap};
-use mono_geometry::mount::world_from_tilted_body;
+use mono_geometry::world_from_tilted_body;
 use mono_geometry::{PlacedCamera, Se2};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

@@ -3,7 +3,8 @@
 use mono_geometry::calibration::{
     Skew, closed_form_intrinsics, focal_length_from_centre, pose_from_homography,
 };
-use mono_geometry::{Camera, Distortion, Homography, homography};
+use mono_geometry::homography::Homography;
+use mono_geometry::{Camera, Distortion, homography};
 use nalgebra::{Matrix3, Vector2};
 
 use super::scene::*;

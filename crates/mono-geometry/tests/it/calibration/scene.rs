@@ -3,7 +3,8 @@
 use mono_geometry::calibration::{
     Calibration, CalibrationOptions, CalibrationView, LensModel, calibrate,
 };
-use mono_geometry::{Camera, Distortion, Homography, Pinhole, Se3, so3};
+use mono_geometry::homography::Homography;
+use mono_geometry::{Camera, Distortion, Pinhole, Se3, so3};
 use nalgebra::{DVector, Matrix3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -5,7 +5,8 @@ pub(crate) mod bundle;
 #[cfg(feature = "bundle")]
 pub(crate) mod wall_run;
 
-use mono_geometry::{Observation, Pinhole, Se3, so3};
+use mono_geometry::triangulation::Observation;
+use mono_geometry::{Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector3};
 use proptest::test_runner::Config;
 use rand_chacha::ChaCha8Rng;

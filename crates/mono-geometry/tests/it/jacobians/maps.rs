@@ -1,9 +1,10 @@
 //! Maps built on cameras and groups: a point in anchored inverse depth seen by a camera, a homography, the essential
 //! matrix of a motion.
 
-use mono_geometry::epipolar::refine::Freedom;
-use mono_geometry::epipolar::relative_pose::RelativePose;
-use mono_geometry::{Homography, InverseDepthPoint, Pinhole, PlacedCamera, Se3, so3};
+use mono_geometry::epipolar::{Freedom, RelativePose};
+use mono_geometry::homography::Homography;
+use mono_geometry::inverse_depth::InverseDepthPoint;
+use mono_geometry::{Pinhole, PlacedCamera, Se3, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 

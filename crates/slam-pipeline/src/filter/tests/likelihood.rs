@@ -5,9 +5,9 @@ use crate::filter::likelihood::Likelihood;
 use crate::filter::observation::Scoring;
 use crate::filter::pose::CameraPose;
 use crate::method::LikelihoodForm;
-use mono_geometry::PlacedCamera;
+use mono_geometry::epipolar::EpipolarPair;
 use mono_geometry::inverse_depth::LandmarkGeometry;
-use mono_geometry::{EpipolarPair, Se3};
+use mono_geometry::{PlacedCamera, Se3};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 use super::common::*;
