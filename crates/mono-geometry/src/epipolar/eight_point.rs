@@ -16,7 +16,7 @@
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use crate::linalg::{null_space, null_vector, svd3};
 use crate::ransac::Solver;
 

@@ -20,7 +20,7 @@
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use super::real_roots::real_roots;
 use super::refine::{Freedom, refine};
 use super::relative_pose::{RelativePose, candidates};

@@ -10,7 +10,7 @@
 //! Degenerate, no model: coinciding points or three collinear ones in either image. Samples of which the triangles
 //! turn differently in the two images are refused before fitting: points in front of both cameras never do that.
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use crate::homography::{Homography, fit, keeps_orientation};
 use crate::ransac::{Scorer, Solver};
 

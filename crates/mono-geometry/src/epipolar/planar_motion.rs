@@ -34,7 +34,7 @@
 use estimation_base::wrap;
 use nalgebra::{Matrix2, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use super::refine::{Freedom, refine};
 use super::relative_pose::in_front;
 use super::scorer::EpipolarModel;

@@ -16,7 +16,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use crate::linalg::{nearest_rotation, svd3};
 
 /// One decomposition of a homography.

@@ -18,7 +18,7 @@
 use nalgebra::linalg::Cholesky;
 use nalgebra::{Const, Matrix3, SMatrix, SVector, Vector2};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use super::scorer::SampsonScorer;
 use crate::error::GeometryError;
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};

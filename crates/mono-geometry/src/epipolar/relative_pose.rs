@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix3, Matrix3x2, Rotation3, SVector, Vector3};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use super::refine::Freedom;
 use crate::linalg::svd3;
 use crate::se3::Se3;

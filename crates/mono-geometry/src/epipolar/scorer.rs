@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Vector2};
 
-use super::Correspondence;
+use super::pair::Correspondence;
 use crate::camera::Pinhole;
 use crate::ransac::Scorer;
 
