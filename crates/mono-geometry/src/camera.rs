@@ -10,7 +10,7 @@
 //!
 //! Degenerate: points with z <= 0, and points beyond the fold of the lens model, have no pixel (`None`).
 
-use nalgebra::{DVector, Matrix2x3, SMatrix, Vector2, Vector3};
+use nalgebra::{DVector, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::distortion::{Distortion, MAX_LENS_PARAMETERS};
 use crate::error::{GeometryError, checked};
@@ -57,10 +57,21 @@ impl Pinhole {
         point_in_camera: &Vector3<f64>,
     ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
         let normalized = normalize(point_in_camera)?;
-        let mut jacobian = normalize_jacobian(&normalized, point_in_camera.z);
+        self.pixel_with_jacobian(
+            &normalized,
+            normalize_jacobian(&normalized, point_in_camera.z),
+        )
+    }
+
+    /// The pixel of a point of the image plane and its derivative, given that of the point; `None` if they overflow.
+    fn pixel_with_jacobian(
+        &self,
+        on_plane: &Vector2<f64>,
+        mut jacobian: Matrix2x3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
         jacobian.row_mut(0).scale_mut(self.fx);
         jacobian.row_mut(1).scale_mut(self.fy);
-        let pixel = self.pixel(&normalized);
+        let pixel = self.pixel(on_plane);
         pixel
             .iter()
             .chain(jacobian.iter())
@@ -81,6 +92,21 @@ impl Pinhole {
     #[must_use]
     pub fn normalize(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy)
+    }
+
+    /// K^-1: maps homogeneous ideal pixels to homogeneous normalised points.
+    pub(crate) fn normalized_from_pixel(&self) -> Matrix3<f64> {
+        Matrix3::new(
+            1.0 / self.fx,
+            0.0,
+            -self.cx / self.fx,
+            0.0,
+            1.0 / self.fy,
+            -self.cy / self.fy,
+            0.0,
+            0.0,
+            1.0,
+        )
     }
 
     /// Unit ray in camera axes through an ideal pixel.
@@ -178,15 +204,8 @@ impl Camera {
             return None;
         }
         let (distorted, lens) = self.distortion.distort_with_jacobian(&normalized);
-        let mut jacobian = lens * normalize_jacobian(&normalized, point_in_camera.z);
-        jacobian.row_mut(0).scale_mut(self.pinhole.fx);
-        jacobian.row_mut(1).scale_mut(self.pinhole.fy);
-        let pixel = self.pinhole.pixel(&distorted);
-        pixel
-            .iter()
-            .chain(jacobian.iter())
-            .all(|v| v.is_finite())
-            .then_some((pixel, jacobian))
+        let jacobian = lens * normalize_jacobian(&normalized, point_in_camera.z);
+        self.pinhole.pixel_with_jacobian(&distorted, jacobian)
     }
 
     /// [`Self::project`] with its derivatives with respect to the point (2x3, pixels per metre) and to

@@ -22,17 +22,7 @@ pub fn pose_from_homography(
     homography: &Homography,
     middle: &Vector2<f64>,
 ) -> Option<Se3> {
-    let normalized_from_pixel = Matrix3::new(
-        1.0 / pinhole.fx,
-        0.0,
-        -pinhole.cx / pinhole.fx,
-        0.0,
-        1.0 / pinhole.fy,
-        -pinhole.cy / pinhole.fy,
-        0.0,
-        0.0,
-        1.0,
-    );
+    let normalized_from_pixel = pinhole.normalized_from_pixel();
     let columns = normalized_from_pixel * homography.matrix();
     let depth = (columns * middle.push(1.0)).z;
     let size = columns.column(0).norm() + columns.column(1).norm();

@@ -20,17 +20,7 @@ pub fn essential(second_from_first: &Se3) -> Option<Matrix3<f64>> {
 /// F = K^-T E K^-1 for one camera at two poses, ideal pixels. `None` as for [`essential`]. O(1).
 #[must_use]
 pub fn fundamental(pinhole: &Pinhole, second_from_first: &Se3) -> Option<Matrix3<f64>> {
-    let normalized_from_pixel = Matrix3::new(
-        1.0 / pinhole.fx,
-        0.0,
-        -pinhole.cx / pinhole.fx,
-        0.0,
-        1.0 / pinhole.fy,
-        -pinhole.cy / pinhole.fy,
-        0.0,
-        0.0,
-        1.0,
-    );
+    let normalized_from_pixel = pinhole.normalized_from_pixel();
     essential(second_from_first)
         .map(|e| normalized_from_pixel.transpose() * e * normalized_from_pixel)
 }

@@ -5,17 +5,7 @@ use nalgebra::{Matrix2x3, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::Config;
 
-/// The camera of the paper, Table I.
-fn pinhole() -> Pinhole {
-    Pinhole {
-        width: 320,
-        height: 240,
-        fx: 368.826_20,
-        fy: 369.902_39,
-        cx: 159.670_29,
-        cy: 121.541_36,
-    }
-}
+use crate::common::pinhole;
 
 fn lenses() -> Vec<Distortion> {
     vec![

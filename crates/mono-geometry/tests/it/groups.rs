@@ -6,45 +6,11 @@ use estimation_base::wrap;
 use mono_geometry::{Mount, Se2, Se3, so3, world_from_tilted_body};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
-use proptest::test_runner::Config;
 
-fn config(cases: u32) -> Config {
-    Config {
-        cases,
-        failure_persistence: None,
-        ..Config::default()
-    }
-}
-
-/// Angles that break naive formulas, and ordinary ones.
-fn nasty_angle() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        Just(0.0),
-        Just(1e-300),
-        Just(1e-12),
-        Just(-1e-8),
-        Just(1e-4),
-        Just(PI),
-        Just(-PI),
-        Just(PI - 1e-9),
-        Just(-PI + 1e-9),
-        Just(FRAC_PI_2),
-        -PI..PI,
-    ]
-}
+use crate::common::{config, nasty_angle, rotation_vector};
 
 fn se2() -> impl Strategy<Value = Se2> {
     (-10.0..10.0_f64, -10.0..10.0_f64, nasty_angle()).prop_map(|(x, y, phi)| Se2::new(x, y, phi))
-}
-
-fn rotation_vector() -> impl Strategy<Value = Vector3<f64>> {
-    let axis = prop_oneof![
-        Just(Vector3::x()),
-        Just(Vector3::new(0.0, -1.0, 0.0)),
-        (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..1.0_f64)
-            .prop_map(|(x, y, z)| Vector3::new(x, y, z).normalize()),
-    ];
-    (axis, nasty_angle()).prop_map(|(axis, angle)| axis * angle)
 }
 
 /// Central differences of a vector function with a step balanced between truncation and rounding.

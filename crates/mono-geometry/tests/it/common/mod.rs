@@ -1,13 +1,16 @@
-//! Shared by the tests of several views: the paper's camera, poses by their target, sightings.
+//! Shared by the tests of several views: the paper's camera, poses by their target, sightings, hard angles.
 
 #[cfg(feature = "bundle")]
 pub(crate) mod bundle;
 #[cfg(feature = "bundle")]
 pub(crate) mod wall_run;
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use mono_geometry::triangulation::Observation;
 use mono_geometry::{Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
 use proptest::test_runner::Config;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -56,4 +59,36 @@ pub(crate) fn see(world_from_camera: &Se3, point: &Vector3<f64>, sigma_px: f64) 
         pixel_ideal,
         sigma_px,
     }
+}
+
+/// Angles that break naive formulas, and ordinary ones.
+pub(crate) fn nasty_angle() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        Just(0.0),
+        Just(1e-300),
+        Just(1e-12),
+        Just(-1e-8),
+        Just(1e-4),
+        Just(0.5),
+        Just(1.0),
+        Just(2.0),
+        Just(PI),
+        Just(-PI),
+        Just(PI - 1e-9),
+        Just(-PI + 1e-9),
+        Just(FRAC_PI_2),
+        -PI..PI,
+    ]
+}
+
+/// Rotation vectors about the axes and others, of such angles.
+pub(crate) fn rotation_vector() -> impl Strategy<Value = Vector3<f64>> {
+    let axis = prop_oneof![
+        Just(Vector3::x()),
+        Just(Vector3::new(0.0, -1.0, 0.0)),
+        Just(Vector3::z()),
+        (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..1.0_f64)
+            .prop_map(|(x, y, z)| Vector3::new(x, y, z).normalize()),
+    ];
+    (axis, nasty_angle()).prop_map(|(axis, angle)| axis * angle)
 }

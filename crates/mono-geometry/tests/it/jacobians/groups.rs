@@ -3,7 +3,7 @@
 //! With M = exp(hat(xi)) and dM its derivative along one coordinate of xi, the right Jacobian's column is
 //! vee(M^-1 dM), the left one's vee(dM M^-1): the definition, without a logarithm.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 
 use estimation_base::Manifold;
 use mono_geometry::{Se2, Se3, so3};
@@ -11,37 +11,7 @@ use nalgebra::{Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::dual::{Dual, DualMatrix, exponential};
-use crate::common::config;
-
-fn nasty_angle() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        Just(0.0),
-        Just(1e-300),
-        Just(1e-12),
-        Just(-1e-8),
-        Just(1e-4),
-        Just(0.5),
-        Just(1.0),
-        Just(2.0),
-        Just(PI),
-        Just(-PI),
-        Just(PI - 1e-9),
-        Just(-PI + 1e-9),
-        Just(FRAC_PI_2),
-        -PI..PI,
-    ]
-}
-
-fn rotation_vector() -> impl Strategy<Value = Vector3<f64>> {
-    let axis = prop_oneof![
-        Just(Vector3::x()),
-        Just(Vector3::new(0.0, -1.0, 0.0)),
-        Just(Vector3::z()),
-        (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..1.0_f64)
-            .prop_map(|(x, y, z)| Vector3::new(x, y, z).normalize()),
-    ];
-    (axis, nasty_angle()).prop_map(|(axis, angle)| axis * angle)
-}
+use crate::common::{config, nasty_angle, rotation_vector};
 
 fn translation() -> impl Strategy<Value = Vector3<f64>> {
     prop_oneof![

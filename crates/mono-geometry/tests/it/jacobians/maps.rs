@@ -4,29 +4,18 @@
 use mono_geometry::epipolar::{Freedom, RelativePose};
 use mono_geometry::homography::Homography;
 use mono_geometry::inverse_depth::InverseDepthPoint;
-use mono_geometry::{Pinhole, PlacedCamera, Se3, so3};
+use mono_geometry::{PlacedCamera, Se3, so3};
 use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::dual::{Dual, exponential, product};
 use super::groups::{hat3, hat6};
-use crate::common::config;
+use crate::common::{config, pinhole};
 
 /// Far below what a wrong term leaves, far above the rounding of a few dozen operations.
 const ROUNDING: f64 = 1e-12;
 /// Central differences of step 1e-6: truncation of order 1e-12, rounding of order 1e-10, both times the curvature.
 const DIFFERENCES: f64 = 1e-7;
-
-fn pinhole() -> Pinhole {
-    Pinhole {
-        width: 320,
-        height: 240,
-        fx: 368.826_20,
-        fy: 369.902_39,
-        cx: 159.670_29,
-        cy: 121.541_36,
-    }
-}
 
 fn rotation_vector() -> impl Strategy<Value = Vector3<f64>> {
     let angle = prop_oneof![Just(0.0), Just(1e-12), Just(1e-5), -0.5..0.5_f64];
