@@ -139,6 +139,11 @@ impl Catalogue {
         self.entries.get(&id)
     }
 
+    /// Identities that the new features of the next update get, in their order.
+    pub(crate) fn next_identities(&self) -> impl Iterator<Item = u32> + use<> {
+        self.next_id..
+    }
+
     /// Number of landmarks in the maps.
     #[must_use]
     pub(crate) fn mapped(&self) -> usize {
@@ -177,7 +182,7 @@ impl Catalogue {
                 forest.insert(seen.id, &seen.descriptor)?;
             }
         }
-        for (id, new) in (self.next_id..).zip(&update.new) {
+        for (id, new) in self.next_identities().zip(&update.new) {
             forest.insert(id, &new.descriptor)?;
         }
         for id in self.forgotten(update) {

@@ -235,6 +235,7 @@ impl Slam {
     fn new_features(&self, seen: &Seen<'_>, report: &mut FrameReport) -> Vec<NewFeature> {
         let depth = InverseDepthPrior::beyond(self.config.mapping.min_depth_m);
         let limit = self.config.mapping.max_new as usize;
+        let mut identities = self.state.catalogue.next_identities();
         let mut new = Vec::new();
         for k in strongest_unused(&seen.frame, &seen.association, limit) {
             let Some(pixel) = seen.frame.ideal[k] else {
@@ -252,6 +253,7 @@ impl Slam {
                 sighting: self.sighting(pixel),
             });
             report.keypoints[k].fate = KeypointFate::New;
+            report.keypoints[k].landmark = identities.next();
         }
         new
     }

@@ -150,6 +150,7 @@ fn mean_nis(association: &Association) -> Option<f64> {
 fn keypoint_reports(count: usize, association: &Association) -> Vec<KeypointReport> {
     let unused = KeypointReport {
         fate: KeypointFate::Unused,
+        landmark: None,
         predicted: None,
     };
     let mut reports = vec![unused; count];
@@ -157,6 +158,7 @@ fn keypoint_reports(count: usize, association: &Association) -> Vec<KeypointRepo
         for p in pairs {
             reports[p.keypoint] = KeypointReport {
                 fate,
+                landmark: Some(p.feature.id),
                 predicted: Some(p.predicted),
             };
         }

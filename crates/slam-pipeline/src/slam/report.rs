@@ -41,6 +41,11 @@ pub enum KeypointFate {
 pub struct KeypointReport {
     /// The use that was made of it.
     pub fate: KeypointFate,
+    /// Identity of the landmark it was matched to, or of the feature it started; `None` for an unused keypoint.
+    ///
+    /// A feature keeps its identity when it becomes a landmark of the map, and no identity is given out twice, so the
+    /// sightings of one landmark are those of one identity over the run.
+    pub landmark: Option<u32>,
     /// Ideal pixel at which its landmark was predicted; `None` without a landmark.
     pub predicted: Option<Vector2<f64>>,
 }

@@ -8,3 +8,4 @@
 mod drive;
 mod frame_loop;
 mod refused_frames;
+mod sightings;
