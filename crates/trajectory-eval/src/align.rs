@@ -7,6 +7,11 @@
 //! decomposition. The scale is `sum y_i' . R x_i' / sum |x_i'|^2` with centred points.
 //! In the plane (SE(2)) the angle has a closed form and height is left alone.
 //!
+//! `Heading` turns the estimate about the first position `p` of the reference and does not move it: the sum
+//! `|y_i - p - R (x_i - p)|^2` is smallest at the angle `atan2(sum a_i x b_i, sum a_i . b_i)` of the planar offsets
+//! `a_i = x_i - p`, `b_i = y_i - p`. The offsets are from the start, not from the means: centred ones would free a
+//! translation in secret.
+//!
 //! Positions on one line leave the rotation about it open: that is an error for SE(3) and
 //! Sim(3) and no problem for SE(2).
 
@@ -58,6 +63,14 @@ fn align_positions(
     if poses < 2 {
         return Err(degenerate("at least two are needed"));
     }
+    if alignment == Alignment::Heading {
+        return turn_about_start(estimate, reference)
+            .map(|reference_from_estimate| Similarity {
+                scale: 1.0,
+                reference_from_estimate,
+            })
+            .ok_or_else(|| degenerate("they fix no direction in the plane"));
+    }
     let mean = |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let (estimate_mean, reference_mean) = (mean(estimate), mean(reference));
     let mut cross = Matrix3::zeros();
@@ -100,6 +113,30 @@ fn align_positions(
         scale,
         reference_from_estimate: Isometry3::from_parts(translation.into(), rotation),
     })
+}
+
+/// The turn about the vertical through the first reference that brings the estimate closest; `None` when every turn is
+/// as good.
+fn turn_about_start(
+    estimate: &[Vector3<f64>],
+    reference: &[Vector3<f64>],
+) -> Option<Isometry3<f64>> {
+    let pivot = *reference.first()?;
+    let (mut sin, mut cos, mut size) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for (x, y) in estimate.iter().zip(reference) {
+        let (a, b) = ((x - pivot).xy(), (y - pivot).xy());
+        sin += a.perp(&b);
+        cos += a.dot(&b);
+        size += a.norm() * b.norm();
+    }
+    if sin.hypot(cos) <= f64::EPSILON * size {
+        return None;
+    }
+    let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, sin.atan2(cos));
+    Some(Isometry3::from_parts(
+        (pivot - rotation * pivot).into(),
+        rotation,
+    ))
 }
 
 /// Rotation maximising `sum y . R x` for `cross = sum x y^T`; `None` when it is not unique.
@@ -187,5 +224,125 @@ mod tests {
             let neighbour = Isometry3::new(Vector3::from(shift), Vector3::from(turn)) * best;
             prop_assert!(cost(&best) <= cost(&neighbour) * (1.0 + 1e-12));
         }
+    }
+
+    fn summed_squares(motion: &Isometry3<f64>, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {
+        from.iter()
+            .zip(to)
+            .map(|(from, to)| {
+                (motion.rotation * from + motion.translation.vector - to).norm_squared()
+            })
+            .sum()
+    }
+
+    proptest! {
+        #![proptest_config(config())]
+
+        /// Of all turns about the start the found one is best, whatever the noise and the place of the start.
+        #[test]
+        fn the_freed_heading_is_the_best_turn_about_the_start(
+            steps in prop::collection::vec(prop::array::uniform3(-0.5..0.5_f64), 5..30),
+            noise in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 30),
+            start in prop::array::uniform3(-50.0..50.0_f64),
+            heading in -3.14159..3.14159_f64,
+            other in 0.001..3.14_f64,
+        ) {
+            let mut path = vec![Vector3::from(start)];
+            for step in steps {
+                path.push(path[path.len() - 1] + Vector3::from(step) + Vector3::x());
+            }
+            let pivot = path[0];
+            let turn = |angle: f64| {
+                let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, angle);
+                Isometry3::from_parts((pivot - rotation * pivot).into(), rotation)
+            };
+            let estimate: Vec<_> = path.iter().zip(&noise).map(|(point, noise)| {
+                turn(heading) * nalgebra::Point3::from(point + Vector3::from(*noise))
+            }).map(|point| point.coords).collect();
+            let found = align_positions(&estimate, &path, Alignment::Heading).unwrap().reference_from_estimate;
+            let best = summed_squares(&found, &estimate, &path);
+            let (roll, pitch, angle) = found.rotation.euler_angles();
+            prop_assert!(roll.abs() < 1e-12 && pitch.abs() < 1e-12);
+            prop_assert!((found.rotation * pivot + found.translation.vector - pivot).norm() < 1e-10);
+            for angle in [angle - other, angle + other] {
+                prop_assert!(best <= summed_squares(&turn(angle), &estimate, &path) * (1.0 + 1e-9));
+            }
+        }
+    }
+
+    /// Twenty positions of a gentle left curve.
+    fn curve() -> Vec<Vector3<f64>> {
+        (0..20)
+            .map(|k| 0.1 * f64::from(k))
+            .map(|angle| Vector3::new(4.0 + 5.0 * angle.sin(), 6.0 - 5.0 * angle.cos(), 0.3))
+            .collect()
+    }
+
+    fn turned_about_start(path: &[Vector3<f64>], angle: f64) -> Vec<Vector3<f64>> {
+        let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, angle);
+        path.iter()
+            .map(|point| path[0] + rotation * (point - path[0]))
+            .collect()
+    }
+
+    /// Half a turn has no wrong branch: just below, at and just above it the path comes back onto itself.
+    #[test]
+    fn headings_near_half_a_turn_are_freed() {
+        let path = curve();
+        for angle in [
+            0.0,
+            1.0,
+            std::f64::consts::PI,
+            -std::f64::consts::PI,
+            std::f64::consts::PI - 1e-9,
+            -std::f64::consts::PI + 1e-9,
+        ] {
+            let turned = turned_about_start(&path, angle);
+            let found = align_positions(&turned, &path, Alignment::Heading)
+                .unwrap()
+                .reference_from_estimate;
+            assert!(summed_squares(&found, &turned, &path).sqrt() < 1e-12);
+            let (_, _, back) = found.rotation.euler_angles();
+            assert!(
+                ((back + angle).sin()).abs() < 1e-12 && (back + angle).cos() > 0.0,
+                "{angle}: {back}"
+            );
+        }
+    }
+
+    /// The wrong forms: offsets from the means give the angle of SE(2), which is another one as soon as the estimate
+    /// is also displaced (SE(2) moves it back, a turn has to make the best of it); and a shift of the whole estimate
+    /// must stay an error.
+    #[test]
+    fn a_freed_heading_frees_no_translation() {
+        let path = curve();
+        let drifted: Vec<_> = turned_about_start(&path, 0.03)
+            .into_iter()
+            .enumerate()
+            .map(|(k, point)| point + Vector3::new(0.0, if k > 0 { 0.5 } else { 0.0 }, 0.0))
+            .collect();
+        let angle = |alignment| {
+            let found = align_positions(&drifted, &path, alignment).unwrap();
+            found.reference_from_estimate.rotation.euler_angles().2
+        };
+        assert!((angle(Alignment::Heading) - angle(Alignment::Se2)).abs() > 0.05);
+
+        let shifted: Vec<_> = path
+            .iter()
+            .map(|point| point + Vector3::new(0.0, 0.0, 0.5))
+            .collect();
+        let found = align_positions(&shifted, &path, Alignment::Heading).unwrap();
+        let left = summed_squares(&found.reference_from_estimate, &shifted, &path);
+        assert!((left / 20.0 - 0.25).abs() < 1e-12, "{left}");
+    }
+
+    #[test]
+    fn a_robot_that_stood_still_has_no_heading_to_free() {
+        let still = vec![Vector3::new(1.0, 2.0, 0.0); 4];
+        let error = align_positions(&still, &still, Alignment::Heading).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the heading alignment is not determined by 4 matched positions: they fix no direction in the plane"
+        );
     }
 }

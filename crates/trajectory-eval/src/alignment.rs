@@ -9,6 +9,11 @@ use nalgebra::Isometry3;
 pub enum Alignment {
     /// Nothing: both trajectories share a frame.
     None,
+    /// One rotation about the vertical through the first matched position of the reference.
+    ///
+    /// It frees the first heading of the reference and nothing else: for references that are exact in the shape of the
+    /// path but start in a direction of their own.
+    Heading,
     /// Rotation about z and translation in the plane.
     Se2,
     /// Rotation and translation.
@@ -21,6 +26,7 @@ impl fmt::Display for Alignment {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Alignment::None => "none",
+            Alignment::Heading => "heading",
             Alignment::Se2 => "se2",
             Alignment::Se3 => "se3",
             Alignment::Sim3 => "sim3",

@@ -31,7 +31,8 @@
 //!
 //! Choose the alignment by what the estimate owes. A filter that starts in the first pose of the
 //! reference is judged with [`Alignment::None`]: aligning hides a wrong first heading, and
-//! [`Alignment::Sim3`] hides a wrong scale, which is the very thing a monocular method must prove.
+//! [`Alignment::Sim3`] hides a wrong scale, which is the very thing a monocular method must prove. Where the first heading
+//! of the reference itself is in doubt, [`Alignment::Heading`] frees it and nothing else.
 //!
 //! The three types to know are [`StampedPose`], [`Alignment`] and [`AbsoluteError`].
 //!

@@ -39,6 +39,8 @@ pub(crate) struct Arguments {
 enum Align {
     /// Nothing
     None,
+    /// One rotation about z through the start: the first heading of the reference is free
+    Heading,
     /// Rotation about z and translation in the plane
     Se2,
     /// Rotation and translation
@@ -51,6 +53,7 @@ impl From<Align> for Alignment {
     fn from(align: Align) -> Self {
         match align {
             Align::None => Alignment::None,
+            Align::Heading => Alignment::Heading,
             Align::Se2 => Alignment::Se2,
             Align::Se3 => Alignment::Se3,
             Align::Sim3 => Alignment::Sim3,
@@ -74,8 +77,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn as_json(alignment: Alignment, absolute: &AbsoluteError, relative: &RelativeError) -> String {
+    let (_, _, turn) = absolute
+        .applied
+        .reference_from_estimate
+        .rotation
+        .euler_angles();
     let value = json!({
         "alignment": alignment.to_string(),
+        "heading_applied_rad": turn,
         "scale": absolute.applied.scale,
         "pairs": absolute.matched.len(),
         "ate": {
@@ -102,6 +111,18 @@ fn as_text(alignment: Alignment, absolute: &AbsoluteError, relative: &RelativeEr
         "{} matched poses, alignment {alignment}",
         absolute.matched.len()
     );
+    if alignment == Alignment::Heading {
+        let (_, _, turn) = absolute
+            .applied
+            .reference_from_estimate
+            .rotation
+            .euler_angles();
+        let _ = writeln!(
+            text,
+            "heading applied to the estimate {:.3} mrad",
+            turn * 1e3
+        );
+    }
     if alignment == Alignment::Sim3 {
         let _ = writeln!(
             text,
