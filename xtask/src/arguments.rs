@@ -10,7 +10,7 @@ pub(crate) const HELP: &str = "\
 cargo xtask <command>
 
 scene, board   render a sequence or pictures of a checkerboard (the program wall-scenes)
-synth-eval     compare the filters on rendered walls (the program synth-eval)
+synth-eval     compare the filters on scenes and sequences (the program synth-eval)
 fixtures [--check]
                rewrite fixtures/wall and fixtures/board, or verify that they are what would be written
 tidy [--stats] check the rules of the tree, or print lines, long files and test binaries of every crate

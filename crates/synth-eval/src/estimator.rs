@@ -1,146 +1,188 @@
 //! The estimators under comparison: dead reckoning and the filters, each with its number of particles.
 //!
-//! All filters run the defaults of `slam_pipeline`, so detection, matching, keyframes and map
-//! management are the same; what differs is the method and the number of particles. The noise
-//! of the odometry is not guessed: it is the white noise the scene generator put into its rows,
-//! stated per row as the configuration asks for it. The generator's constant turn-rate offset
-//! (0.001 rad/s) has no counterpart in the configuration and stays unmodelled, for everybody;
-//! its wheels do not slip sideways, so the slip is zero.
+//! All filters share one configuration, so detection, matching, keyframes and map management are the same; what
+//! differs is the method and the number of particles.
 
-use slam_pipeline::config::{Config, Method, OdometrySection};
-use wall_scenes::{FRAME_PERIOD_S, OdometryNoise, ROWS_PER_FRAME};
+use anyhow::{Context, bail, ensure};
+use slam_pipeline::config::{Config, Method};
 
-/// One entry of the comparison.
+/// The way poses are computed: a line of the table without its number of particles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Estimator {
+pub(crate) enum Family {
     /// Odometry alone.
     DeadReckoning,
     /// A particle filter.
-    Filter {
-        /// Which one.
-        method: Method,
-        /// How many particles.
-        particles: u32,
-    },
+    Filter(Method),
+}
+
+/// All families in the order of the table, by the name that is printed.
+const FAMILIES: &[(&str, Family)] = &[
+    ("dead reckoning", Family::DeadReckoning),
+    ("conventional", Family::Filter(Method::Conventional)),
+    ("paper", Family::Filter(Method::Paper)),
+    ("exact", Family::Filter(Method::Exact)),
+];
+
+/// Most particles of an estimator.
+const MOST_PARTICLES: u32 = 10_000;
+
+/// One entry of the comparison.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Estimator {
+    /// The way poses are computed.
+    pub(crate) family: Family,
+    /// How many particles; 0 for dead reckoning.
+    pub(crate) particles: u32,
 }
 
 const fn filter(method: Method, particles: u32) -> Estimator {
-    Estimator::Filter { method, particles }
+    Estimator {
+        family: Family::Filter(method),
+        particles,
+    }
 }
 
-/// The entries of `--quick`, in the order they are printed.
+/// Odometry alone.
+pub(crate) const DEAD_RECKONING: Estimator = Estimator {
+    family: Family::DeadReckoning,
+    particles: 0,
+};
+
+/// The entries of `--quick`.
 pub(crate) const QUICK: &[Estimator] = &[
-    Estimator::DeadReckoning,
+    DEAD_RECKONING,
     filter(Method::Conventional, 100),
     filter(Method::Conventional, 500),
     filter(Method::Paper, 50),
     filter(Method::Exact, 50),
 ];
 
-/// The entries of a full run, in the order they are printed.
+/// The entries of a full run.
 pub(crate) const FULL: &[Estimator] = &[
-    Estimator::DeadReckoning,
+    DEAD_RECKONING,
     filter(Method::Conventional, 100),
     filter(Method::Conventional, 500),
     filter(Method::Paper, 50),
     filter(Method::Paper, 100),
+    filter(Method::Exact, 10),
     filter(Method::Exact, 20),
     filter(Method::Exact, 50),
     filter(Method::Exact, 100),
 ];
 
 impl Estimator {
-    /// Number of particles; none for dead reckoning.
-    pub(crate) fn particles(self) -> u32 {
-        match self {
-            Self::DeadReckoning => 0,
-            Self::Filter { particles, .. } => particles,
-        }
+    /// Reads `dead-reckoning` or `FAMILY:PARTICLES`, spaces of the name as hyphens.
+    ///
+    /// # Errors
+    /// Another name, or a number of particles that is none.
+    pub(crate) fn parse(text: &str) -> anyhow::Result<Self> {
+        let (name, particles) = match text.split_once(':') {
+            Some((name, number)) => {
+                let particles: u32 = number
+                    .parse()
+                    .with_context(|| format!("{text}: `{number}` is no number of particles"))?;
+                ensure!(
+                    (1..=MOST_PARTICLES).contains(&particles),
+                    "{text}: particles must be 1 to {MOST_PARTICLES}"
+                );
+                (name, particles)
+            }
+            None => (text, 0),
+        };
+        let Some((_, family)) = FAMILIES
+            .iter()
+            .find(|(known, _)| known.replace(' ', "-") == name)
+        else {
+            let known: Vec<String> = FAMILIES
+                .iter()
+                .map(|(known, _)| known.replace(' ', "-"))
+                .collect();
+            bail!("no method `{name}`: one of {}", known.join(", "));
+        };
+        let estimator = Self {
+            family: *family,
+            particles,
+        };
+        ensure!(
+            (particles == 0) == (*family == Family::DeadReckoning),
+            "{text}: a filter is written with its number of particles ({name}:50), dead-reckoning without"
+        );
+        Ok(estimator)
     }
 
-    /// The family a curve over the number of particles belongs to.
-    pub(crate) fn family(self) -> &'static str {
-        match self {
-            Self::DeadReckoning => "dead reckoning",
-            Self::Filter { method, .. } => match method {
-                Method::Conventional => "conventional",
-                Method::Paper => "paper",
-                Method::Exact => "exact",
-            },
-        }
+    /// The family's name as printed.
+    pub(crate) fn family_name(self) -> &'static str {
+        FAMILIES
+            .iter()
+            .find(|(_, family)| *family == self.family)
+            .map_or("", |(name, _)| name)
     }
 
     /// Name as printed.
     pub(crate) fn label(self) -> String {
-        match self {
-            Self::DeadReckoning => self.family().to_owned(),
-            Self::Filter { particles, .. } => format!("{} {particles}", self.family()),
+        match self.family {
+            Family::DeadReckoning => self.family_name().to_owned(),
+            Family::Filter(_) => format!("{} {}", self.family_name(), self.particles),
         }
     }
 
-    /// The configuration of one run: the defaults, this method, `seed`, one thread.
-    pub(crate) fn config(self, seed: u64, noise: &OdometryNoise) -> Config {
-        let mut config = Config::default();
-        if let Self::Filter { method, particles } = self {
+    /// Makes `config` that of this estimator: its method, its particles, one thread.
+    pub(crate) fn configure(self, config: &mut Config, seed: u64) {
+        if let Family::Filter(method) = self.family {
             config.filter.method = method;
-            config.filter.particles = particles;
+            config.filter.particles = self.particles;
         }
         config.filter.seed = seed;
         config.filter.threads = 1;
-        config.odometry = odometry_section(noise);
-        config
     }
 }
 
-/// The generator's noise per frame as noise per row: with n white rows a frame,
-/// `sqrt(n)` times the relative error in speed, and for the turn rate the frame's
-/// heading error over `sqrt(n)` row durations.
-pub(crate) fn odometry_section(noise: &OdometryNoise) -> OdometrySection {
-    let rows = ROWS_PER_FRAME as f64;
-    let row_s = FRAME_PERIOD_S / rows;
-    OdometrySection {
-        velocity_noise_ratio: noise.speed_ratio * rows.sqrt(),
-        velocity_noise_mps: 0.0,
-        turn_noise_ratio: 0.0,
-        turn_noise_radps: noise.heading_rad / rows.sqrt() / row_s,
-        slip_ratio: 0.0,
-        scale_bias: noise.speed_bias_ratio,
-    }
+/// The family a label of a table line belongs to.
+pub(crate) fn family_of(label: &str) -> &str {
+    label
+        .rsplit_once(' ')
+        .filter(|(_, number)| number.parse::<u32>().is_ok())
+        .map_or(label, |(family, _)| family)
+}
+
+/// Place of a family in the table; unknown ones come last.
+pub(crate) fn family_rank(family: &str) -> usize {
+    FAMILIES
+        .iter()
+        .position(|(name, _)| *name == family)
+        .unwrap_or(FAMILIES.len())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slam_pipeline::{Odometer, OdometryInterval};
 
     #[test]
-    fn a_frame_of_rows_has_the_noise_the_generator_states_per_frame() {
-        let noise = OdometryNoise::PAPER;
-        let mut odometer = Odometer::new(&odometry_section(&noise));
-        let row = OdometryInterval {
-            duration_s: FRAME_PERIOD_S / ROWS_PER_FRAME as f64,
-            v_mps: 0.2,
-            omega_radps: 0.0,
-        };
-        for _ in 0..ROWS_PER_FRAME {
-            odometer.push(&row).unwrap();
+    fn every_entry_is_read_back_from_its_label() {
+        for estimator in FULL {
+            let label = estimator.label();
+            let text = match estimator.particles {
+                0 => label.replace(' ', "-"),
+                n => format!("{}:{n}", estimator.family_name().replace(' ', "-")),
+            };
+            assert_eq!(Estimator::parse(&text).unwrap(), *estimator);
+            assert_eq!(family_of(&label), estimator.family_name());
         }
-        let covariance = odometer.control().covariance;
-        // 0.1 m driven straight: 5 % of it, 0.012 rad.
-        assert!((covariance[(0, 0)].sqrt() - 0.005).abs() < 1e-6);
-        assert!((covariance[(2, 2)].sqrt() - 0.012).abs() < 1e-6);
+        assert!(family_rank("exact") > family_rank("conventional"));
+        assert_eq!(family_rank("of old"), FAMILIES.len());
     }
 
     #[test]
-    fn every_configuration_is_valid_and_shares_the_front_end() {
-        let reference = FULL[1].config(3, &OdometryNoise::PAPER);
-        for estimator in FULL {
-            let config = estimator.config(3, &OdometryNoise::PAPER);
-            assert_eq!(config.features, reference.features);
-            assert_eq!(config.association, reference.association);
-            assert_eq!(config.keyframes, reference.keyframes);
-            assert_eq!(config.odometry, reference.odometry);
-            assert!(config.check().is_ok(), "{}", estimator.label());
+    fn wrong_methods_say_what_is_wrong() {
+        for (text, word) in [
+            ("exact", "exact:50"),
+            ("exact:0", "particles"),
+            ("exact:many", "many"),
+            ("dead-reckoning:5", "dead-reckoning"),
+            ("kalman:3", "conventional"),
+        ] {
+            let message = Estimator::parse(text).unwrap_err().to_string();
+            assert!(message.contains(word), "{text}: {message}");
         }
     }
 

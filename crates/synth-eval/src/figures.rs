@@ -1,10 +1,14 @@
 //! Figures in the manner of the paper's: the maps from above (Fig. 7) and the errors against
 //! the number of particles (Fig. 8).
 
+use crate::Options;
+use crate::estimator::{FULL, family_of};
+use crate::plan::Plan;
 use crate::recording::Recording;
-use crate::statistics::Interval;
-use crate::summary::{Line, Summary};
-use crate::trial::Trial;
+use crate::row::Row;
+use crate::statistics::{Interval, bootstrap_mean};
+use crate::study::{Outcome, run, write_file};
+use crate::trial::{self, Trial};
 use estimation_base::Se2;
 use slam_report::{Colour, Layer, Plot};
 use std::fmt::Write as _;
@@ -19,12 +23,37 @@ const MAP_Y: (f64, f64) = (-0.7, 2.6);
 /// Height of the letters S and E, metres.
 const LETTER_M: f64 = 0.22;
 
+/// Runs the estimators on walls, writes `figure7_map.svg` and `figure8_particles.svg` beside the results and returns
+/// the table.
+///
+/// # Errors
+/// As [`run`].
+pub fn figures(options: &Options, progress: &(dyn Fn(&str) + Sync)) -> anyhow::Result<Outcome> {
+    let outcome = run(options, progress)?;
+    let rows = crate::row::read_rows(&options.out.join("results.jsonl"))?;
+    let plan = Plan::new(options)?;
+    let recording = plan.batches[0].source.record(&plan.settings)?;
+    let trials = FULL
+        .iter()
+        .map(|&estimator| trial::run(estimator, &recording, 1, &plan.settings))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    write_file(
+        &options.out.join("figure7_map.svg"),
+        &map(&trials, &recording),
+    )?;
+    write_file(
+        &options.out.join("figure8_particles.svg"),
+        &particles(&rows),
+    )?;
+    Ok(outcome)
+}
+
 /// Fig. 7: path and landmarks of each trial from above.
-pub(crate) fn map(trials: &[Trial], recording: &Recording) -> String {
-    let truth = &recording.scene.path().poses;
+fn map(trials: &[Trial], recording: &Recording) -> String {
+    let truth: Vec<Se2> = recording.truth.iter().flatten().copied().collect();
     let panels: Vec<String> = trials
         .iter()
-        .map(|trial| map_panel(trial, truth, recording).to_svg_file())
+        .map(|trial| map_panel(trial, &truth, recording).to_svg_file())
         .collect();
     grid(&panels, "Paths and landmarks from above")
 }
@@ -34,13 +63,13 @@ fn map_panel(trial: &Trial, truth: &[Se2], recording: &Recording) -> Plot {
     let title = match row.landmark_median_m {
         Some(median) => format!(
             "{}: path RMSE {:.0} mm, median landmark error {:.0} mm",
-            row.estimator,
+            row.method,
             row.position_rmse_m * 1e3,
             median * 1e3
         ),
         None => format!(
             "{}: path RMSE {:.0} mm",
-            row.estimator,
+            row.method,
             row.position_rmse_m * 1e3
         ),
     };
@@ -134,19 +163,19 @@ fn strokes(letter: Letter, (x, y): (f64, f64)) -> Vec<Layer> {
 }
 
 /// Fig. 8: pose error and landmark error against the number of particles.
-pub(crate) fn particles(summary: &Summary) -> String {
+fn particles(rows: &[Row]) -> String {
     let panels = [
         curves(
-            summary,
+            rows,
             "Position RMSE against the number of particles",
             "position RMSE (mm)",
-            |line| Some(line.position_rmse_m),
+            |row| Some(row.position_rmse_m),
         ),
         curves(
-            summary,
+            rows,
             "Median landmark error against the number of particles",
             "landmark error (mm)",
-            |line| line.landmark_median_m,
+            |row| row.landmark_median_m,
         ),
     ];
     grid(
@@ -155,16 +184,25 @@ pub(crate) fn particles(summary: &Summary) -> String {
     )
 }
 
-fn curves(
-    summary: &Summary,
-    title: &str,
-    y_label: &str,
-    value: impl Fn(&Line) -> Option<Interval>,
-) -> Plot {
+fn curves(rows: &[Row], title: &str, y_label: &str, value: impl Fn(&Row) -> Option<f64>) -> Plot {
     let mut plot = Plot::new(title, "particles", y_label);
     plot.width = PANEL_WIDTH;
     plot.height = 400.0;
-    let most = summary.lines.iter().map(|l| l.particles).max().unwrap_or(1);
+    let most = rows.iter().map(|row| row.particles).max().unwrap_or(1);
+    let means_of = |family: &str| -> Vec<(f64, Interval)> {
+        let mut numbers: Vec<u32> = rows.iter().map(|row| row.particles).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let of = |particles: u32| {
+            let values: Vec<f64> = rows
+                .iter()
+                .filter(|row| row.particles == particles && family_of(&row.method) == family)
+                .filter_map(&value)
+                .collect();
+            Some((f64::from(particles), bootstrap_mean(&values)?))
+        };
+        numbers.into_iter().filter_map(of).collect()
+    };
     plot.x_range = Some((0.0, 1.06 * f64::from(most)));
     let mut top = 0.0_f64;
     for (family, colour) in [
@@ -172,12 +210,7 @@ fn curves(
         ("paper", Colour::Purple),
         ("exact", Colour::Blue),
     ] {
-        let curve: Vec<(f64, Interval)> = summary
-            .lines
-            .iter()
-            .filter(|line| line.family == family)
-            .filter_map(|line| Some((f64::from(line.particles), value(line)?)))
-            .collect();
+        let curve = means_of(family);
         let Some(highest) = curve.iter().map(|(_, v)| v.high).reduce(f64::max) else {
             continue;
         };
@@ -198,12 +231,7 @@ fn curves(
             points: means,
         });
     }
-    if let Some(reckoned) = summary
-        .lines
-        .iter()
-        .find(|line| line.particles == 0)
-        .and_then(value)
-    {
+    if let Some((_, reckoned)) = means_of("dead reckoning").first() {
         top = top.max(reckoned.mean * 1e3);
         plot.layers.push(Layer::Level {
             label: "dead reckoning".into(),

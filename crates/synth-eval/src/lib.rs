@@ -1,29 +1,41 @@
-//! The evaluation on rendered walls: dead reckoning and the filters on the same images, compared with exact truth.
+//! The study of the filters: dead reckoning and every method on the same keypoints, compared with the truth.
 //!
-//! Use it to see whether a change of the filter makes paths and maps better or worse, and to reproduce the figures of
-//! the paper. Do not use it for accuracy on recorded data: rendered walls are kinder than real ones (see `wall-scenes`),
-//! and `mono-slam eval` compares a run with any reference.
+//! Use it to see whether a change of the filter makes paths, maps and covariances better or worse, on rendered scenes
+//! with exact truth and on recorded sequences with a reference, and to reproduce the figures of the paper. Rendered
+//! scenes are kinder than real ones (see `wall-scenes`), so judge by both.
 //!
 //! ```no_run
 //! use synth_eval::{Options, run};
 //!
-//! let options = Options { quick: true, seeds: Some(1), out: "out/one-wall".into() };
-//! let table = run(&options, &|line| eprintln!("{line}"))?;
-//! assert!(table.contains("dead reckoning"));
+//! let options = Options { quick: true, seeds: Some((1, 1)), out: "out/one-wall".into(), ..Options::default() };
+//! let outcome = run(&options, &|line| eprintln!("{line}"))?;
+//! assert!(outcome.text.contains("dead reckoning"));
 //! # Ok::<(), Box<dyn std::error::Error + Send + Sync>>(())
 //! ```
 //!
-//! [`Options`] say how much is compared, [`run`] compares, writes results, table and figures into a folder, and returns
-//! the table. The program `synth-eval` has the same options as flags.
+//! [`Options`] say how much is compared, [`run`] compares, writes results and tables into a folder and returns the
+//! tables, [`merge`] puts the results of several runs together, [`figures`] draws. The program `synth-eval` has the same
+//! options as flags.
 
-mod comparison;
 mod estimator;
 mod figures;
 mod jobs;
 mod measures;
+mod noise;
+mod options;
+mod plan;
+mod progress;
 mod recording;
+mod regression;
+mod row;
+mod scene_name;
+mod sequence;
+mod settings;
 mod statistics;
-mod summary;
+mod study;
+mod table;
 mod trial;
 
-pub use comparison::{Options, run};
+pub use figures::figures;
+pub use options::Options;
+pub use study::{Outcome, merge, run};

@@ -1,6 +1,6 @@
-//! `synth-eval`: compares the filters on rendered walls and prints the table.
+//! `synth-eval`: compares the filters on rendered scenes and recorded sequences and prints the tables.
 //!
-//! Exit code 0 done, 2 wrong arguments, 1 anything else.
+//! Exit code 0 done, 2 wrong arguments, 3 something got worse, 1 anything else.
 
 #![expect(
     clippy::print_stdout,
@@ -13,6 +13,9 @@ mod arguments;
 use arguments::Command;
 use std::process::ExitCode;
 
+/// Exit code of a study in which something got worse.
+const WORSE: u8 = 3;
+
 fn main() -> ExitCode {
     let command = match arguments::parse(std::env::args_os().skip(1)) {
         Ok(command) => command,
@@ -21,17 +24,28 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let options = match command {
+    let tell = |line: &str| eprintln!("{line}");
+    let outcome = match &command {
         Command::Help => {
             print!("{}", arguments::HELP);
             return ExitCode::SUCCESS;
         }
-        Command::Run(options) => options,
+        Command::Run(options) => synth_eval::run(options, &tell),
+        Command::Merge {
+            files,
+            compare,
+            out,
+        } => synth_eval::merge(files, compare.as_deref(), out),
+        Command::Figures(options) => synth_eval::figures(options, &tell),
     };
-    match synth_eval::run(&options, &|line| eprintln!("{line}")) {
-        Ok(table) => {
-            print!("{table}");
-            ExitCode::SUCCESS
+    match outcome {
+        Ok(outcome) => {
+            print!("{}", outcome.text);
+            if outcome.worse > 0 {
+                ExitCode::from(WORSE)
+            } else {
+                ExitCode::SUCCESS
+            }
         }
         Err(error) => {
             eprintln!("synth-eval: {error:#}");

@@ -1,33 +1,63 @@
-//! A rendered scene as all estimators see it: features and odometry, frame by frame.
+//! A sequence as all estimators see it: features and odometry, frame by frame, with the truth.
 //!
-//! Rendering and detection happen once a scene; every estimator then works on the same
-//! keypoints. Nothing is written to disk.
+//! Rendering and detection happen once a sequence; every estimator and every seed then works on the same keypoints.
 
-use crate::estimator::Estimator;
+use estimation_base::Se2;
+use mono_geometry::{Camera, Distortion};
 use nalgebra::Point3;
-use slam_pipeline::{OdometryInterval, detector_of};
+use slam_pipeline::config::{Config, OdometrySection};
+use slam_pipeline::{OdometryInterval, Rig, detector_of};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use vision_sift::{Features, GrayImage, Workspace};
-use wall_scenes::{FRAME_PERIOD_S, ROWS_PER_FRAME};
-use wall_scenes::{Scene, SceneSpec};
+use wall_scenes::{FRAME_PERIOD_S, ROWS_PER_FRAME, Scene, SceneSpec};
+
+use crate::noise::odometry_section;
 
 /// A descriptor as the detector gives it.
 type Descriptor = [u8; 128];
 
-/// One scene with its features.
+/// One sequence with its features.
 #[derive(Debug)]
 pub(crate) struct Recording {
-    /// The scene; truth for everything.
-    pub(crate) scene: Scene,
+    /// Name in the rows.
+    pub(crate) name: String,
+    /// The camera on the robot, as the calibration says.
+    pub(crate) rig: Rig,
     /// Features of each frame.
     pub(crate) features: Vec<Features>,
     /// Odometry before each frame; none before the first.
     pub(crate) odometry: Vec<Vec<OdometryInterval>>,
+    /// True body pose of each frame; none where the reference has no pose at its time.
+    pub(crate) truth: Vec<Option<Se2>>,
+    /// The noise that was put into the odometry; none for a recorded sequence.
+    pub(crate) noise: Option<OdometrySection>,
     /// Mean time to detect and describe a frame, milliseconds.
     pub(crate) detection_ms: f64,
+    /// The truth about what the keypoints saw.
+    surface: Surface,
     /// Where each descriptor was measured, (frame, keypoint); `None` when two keypoints share it.
     origins: BTreeMap<Descriptor, Option<(usize, usize)>>,
+}
+
+/// The truth about what keypoints saw.
+#[derive(Debug)]
+pub(crate) enum Surface {
+    /// A scene that knows the point behind every pixel.
+    Scene(Box<Scene>),
+    /// Nothing is known.
+    Unknown,
+}
+
+/// Everything of a recording but its features.
+#[derive(Debug)]
+pub(crate) struct Drive {
+    pub(crate) name: String,
+    pub(crate) rig: Rig,
+    pub(crate) odometry: Vec<Vec<OdometryInterval>>,
+    pub(crate) truth: Vec<Option<Se2>>,
+    pub(crate) noise: Option<OdometrySection>,
+    pub(crate) surface: Surface,
 }
 
 impl Recording {
@@ -35,45 +65,92 @@ impl Recording {
     ///
     /// # Errors
     /// The specification or the detector's parameters are refused.
-    pub(crate) fn new(spec: SceneSpec) -> anyhow::Result<Self> {
+    pub(crate) fn rendered(name: &str, spec: SceneSpec, config: &Config) -> anyhow::Result<Self> {
         let scene = Scene::new(spec)?;
-        // Detection is the same for all estimators: the defaults.
-        let config = Estimator::DeadReckoning.config(spec.seed, &spec.odometry);
-        let detector = detector_of(&config.check()?)?;
-        let mut workspace = Workspace::new();
-        let mut features = Vec::with_capacity(spec.frames);
-        let mut detection_s = 0.0;
         let skins = scene.skins();
-        for frame in 0..spec.frames {
+        let (features, detection_ms) = detect(config, scene.path().poses.len(), |frame| {
             let image = scene.render(&skins, frame);
-            let view = GrayImage::new(image.width, image.height, &image.pixels)?;
-            let mut found = Features::default();
-            let start = Instant::now();
-            detector.detect(&view, &mut workspace, &mut found)?;
-            detection_s += start.elapsed().as_secs_f64();
-            features.push(found);
-        }
-        let odometry = odometry(&scene);
-        Ok(Self {
-            odometry,
-            detection_ms: detection_s * 1e3 / spec.frames as f64,
+            Ok((image.width, image.height, image.pixels))
+        })?;
+        let drive = Drive::of_scene(name, scene)?;
+        Ok(Self::new(drive, features, detection_ms))
+    }
+
+    /// A recording of known parts.
+    pub(crate) fn new(drive: Drive, features: Vec<Features>, detection_ms: f64) -> Self {
+        Self {
             origins: origins(&features),
+            name: drive.name,
+            rig: drive.rig,
+            odometry: drive.odometry,
+            truth: drive.truth,
+            noise: drive.noise,
+            surface: drive.surface,
+            detection_ms,
             features,
-            scene,
-        })
+        }
     }
 
     /// The surface point, world axes, that the keypoint with this descriptor really saw.
     ///
     /// A landmark of a map carries the descriptor of its last sighting, byte for byte, which
     /// leads back to the frame and pixel that measured it. `None` where the ray leaves the
-    /// scene or the descriptor is not unique.
+    /// scene, nothing is known of the scene, or the descriptor is not unique.
     pub(crate) fn surface_point(&self, descriptor: &Descriptor) -> Option<Point3<f64>> {
         let (frame, index) = (*self.origins.get(descriptor)?)?;
-        let keypoint = &self.features[frame].keypoints[index];
-        self.scene
-            .point_at(frame, f64::from(keypoint.x), f64::from(keypoint.y))
+        match &self.surface {
+            Surface::Scene(scene) => {
+                let keypoint = &self.features[frame].keypoints[index];
+                scene.point_at(frame, f64::from(keypoint.x), f64::from(keypoint.y))
+            }
+            Surface::Unknown => None,
+        }
     }
+}
+
+impl Drive {
+    /// The drive of a scene.
+    ///
+    /// # Errors
+    /// The scene's camera is none.
+    pub(crate) fn of_scene(name: &str, scene: Scene) -> anyhow::Result<Self> {
+        Ok(Self {
+            name: name.to_owned(),
+            rig: Rig {
+                camera: Camera::new(Scene::pinhole(), Distortion::None)?,
+                mount: Scene::mount(),
+            },
+            odometry: odometry(&scene),
+            truth: scene.path().poses.iter().copied().map(Some).collect(),
+            noise: Some(odometry_section(&scene.spec().odometry)),
+            surface: Surface::Scene(Box::new(scene)),
+        })
+    }
+}
+
+/// Keypoints of `frames` images as `config` detects them, and the mean time of a frame in milliseconds.
+///
+/// # Errors
+/// The detector's parameters are refused, or an image cannot be made.
+pub(crate) fn detect(
+    config: &Config,
+    frames: usize,
+    mut image: impl FnMut(usize) -> anyhow::Result<(usize, usize, Vec<u8>)>,
+) -> anyhow::Result<(Vec<Features>, f64)> {
+    let detector = detector_of(&config.clone().check()?)?;
+    let mut workspace = Workspace::new();
+    let mut features = Vec::with_capacity(frames);
+    let mut detection_s = 0.0;
+    for frame in 0..frames {
+        let (width, height, pixels) = image(frame)?;
+        let view = GrayImage::new(width, height, &pixels)?;
+        let mut found = Features::default();
+        let start = Instant::now();
+        detector.detect(&view, &mut workspace, &mut found)?;
+        detection_s += start.elapsed().as_secs_f64();
+        features.push(found);
+    }
+    Ok((features, detection_s * 1e3 / frames.max(1) as f64))
 }
 
 fn origins(features: &[Features]) -> BTreeMap<Descriptor, Option<(usize, usize)>> {

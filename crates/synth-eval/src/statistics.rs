@@ -1,9 +1,7 @@
-//! Means over seeds with their uncertainty, and the band a consistent filter's NEES keeps to.
+//! Means over seeds with their uncertainty.
 
-use estimation_base::chi_square_quantile;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
 
 /// Resamples of a bootstrap.
 const RESAMPLES: usize = 4000;
@@ -11,7 +9,7 @@ const RESAMPLES: usize = 4000;
 const SEED: u64 = 0x6261_6e64;
 
 /// A mean with its 95 % bootstrap interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Interval {
     /// Mean of the sample.
     pub(crate) mean: f64,
@@ -19,6 +17,8 @@ pub(crate) struct Interval {
     pub(crate) low: f64,
     /// 97.5 % quantile.
     pub(crate) high: f64,
+    /// Standard deviation of the sample: how far one seed is from another.
+    pub(crate) spread: f64,
 }
 
 /// Percentile bootstrap of the mean: resample with replacement, take the quantiles of the
@@ -38,25 +38,14 @@ pub(crate) fn bootstrap_mean(sample: &[f64]) -> Option<Interval> {
         .collect();
     means.sort_by(f64::total_cmp);
     let quantile = |p: f64| means[(p * (RESAMPLES - 1) as f64).round() as usize];
+    let mean = sample.iter().sum::<f64>() / count;
+    let square: f64 = sample.iter().map(|value| (value - mean).powi(2)).sum();
     Some(Interval {
-        mean: sample.iter().sum::<f64>() / count,
+        mean,
+        spread: (square / (count - 1.0).max(1.0)).sqrt(),
         low: quantile(0.025),
         high: quantile(0.975),
     })
-}
-
-/// 95 % band of the mean over `seeds` independent runs of one frame's NEES (three degrees of
-/// freedom): chi-square quantiles with 3 seeds degrees of freedom over seeds.
-///
-/// Frames of one run are correlated, so the mean over frames and seeds scatters less than one
-/// frame's but more than independent frames would: this band is on the wide side for it.
-///
-/// # Errors
-/// `seeds` is zero.
-pub(crate) fn nees_band(seeds: usize) -> anyhow::Result<(f64, f64)> {
-    let dof = 3.0 * seeds as f64;
-    let at = |p: f64| chi_square_quantile(dof, p).map(|x| x / seeds as f64);
-    Ok((at(0.025)?, at(0.975)?))
 }
 
 #[cfg(test)]
@@ -76,6 +65,7 @@ mod tests {
         let sample: Vec<f64> = (0..100).map(f64::from).collect();
         let interval = bootstrap_mean(&sample).unwrap();
         assert_eq!(interval.mean, 49.5);
+        assert!((interval.spread - 29.0115).abs() < 1e-4);
         let half = 1.96 * 2.8866;
         // A 2.5 % quantile of 4000 means is known to 0.04 standard errors; allow four times that.
         assert!((interval.low - (49.5 - half)).abs() < 0.5, "{interval:?}");
@@ -91,16 +81,5 @@ mod tests {
             (interval.low, interval.mean, interval.high),
             (1.0, 3.0, 6.0)
         );
-    }
-
-    #[test]
-    fn band_of_three_and_of_many_seeds() {
-        // Tables of chi-square with 9 degrees of freedom: 2.700 and 19.023.
-        let (low, high) = nees_band(3).unwrap();
-        assert!((low - 0.9001).abs() < 1e-3 && (high - 6.3409).abs() < 1e-3);
-        let (low, high) = nees_band(1000).unwrap();
-        let half = 1.96 * (6.0_f64 / 1000.0).sqrt();
-        assert!((low - (3.0 - half)).abs() < 0.01 && (high - (3.0 + half)).abs() < 0.01);
-        assert!(nees_band(0).is_err());
     }
 }

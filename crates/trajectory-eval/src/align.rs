@@ -244,8 +244,8 @@ mod tests {
             steps in prop::collection::vec(prop::array::uniform3(-0.5..0.5_f64), 5..30),
             noise in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 30),
             start in prop::array::uniform3(-50.0..50.0_f64),
-            heading in -3.14159..3.14159_f64,
-            other in 0.001..3.14_f64,
+            heading in -3.1..3.1_f64,
+            other in 0.001..3.1_f64,
         ) {
             let mut path = vec![Vector3::from(start)];
             for step in steps {

@@ -1,0 +1,3 @@
+//! Integration tests of the study, one module a subject.
+
+mod study;
