@@ -19,7 +19,7 @@ mod jacobi;
 mod null_space;
 
 #[cfg(feature = "bundle")]
-pub(crate) use dense_cholesky::DenseCholesky;
+pub use dense_cholesky::DenseCholesky;
 pub(crate) use null_space::null_space;
 
 /// Thin singular value decomposition A = U diag(s) V^T of an m x n matrix, k = min(m, n).

@@ -20,7 +20,7 @@ const FLOORS: [&[&str]; 9] = [
     ],
     &["rbpf-core", "camera-calibration", "wall-scenes"],
     &["range-bearing-slam", "slam-pipeline"],
-    &["slam-io"],
+    &["slam-batch", "slam-io"],
     &["slam-report"],
     &["mono-slam"],
     &["synth-eval"],

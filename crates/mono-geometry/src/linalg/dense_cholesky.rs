@@ -8,7 +8,7 @@
 //! the caller gives a floor for every pivot.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::{factor, solve};
+use faer::linalg::cholesky::llt::{factor, inverse, solve};
 use faer::{MatMut, MatRef, Par};
 use nalgebra::DMatrix;
 
@@ -16,7 +16,7 @@ use crate::error::GeometryError;
 
 /// Lower factor of a symmetric positive definite matrix.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct DenseCholesky {
+pub struct DenseCholesky {
     /// L in the lower triangle; what is above is not read.
     lower: DMatrix<f64>,
 }
@@ -28,10 +28,7 @@ impl DenseCholesky {
     /// [`GeometryError::Shape`] if the matrix is not square or `pivot_floor` has another length,
     /// [`GeometryError::NotPositiveDefinite`] with the first pivot (square of the diagonal entry of L) that is not
     /// above its floor, or not finite.
-    pub(crate) fn new(
-        mut matrix: DMatrix<f64>,
-        pivot_floor: &[f64],
-    ) -> Result<Self, GeometryError> {
+    pub fn new(mut matrix: DMatrix<f64>, pivot_floor: &[f64]) -> Result<Self, GeometryError> {
         let (rows, columns) = matrix.shape();
         if rows != columns || rows != pivot_floor.len() {
             return Err(GeometryError::Shape {
@@ -79,7 +76,7 @@ impl DenseCholesky {
     ///
     /// # Errors
     /// [`GeometryError::Shape`] if the length is not a multiple of n.
-    pub(crate) fn solve_in_place(&self, right: &mut [f64]) -> Result<(), GeometryError> {
+    pub fn solve_in_place(&self, right: &mut [f64]) -> Result<(), GeometryError> {
         let rows = self.lower.nrows();
         if rows == 0 && right.is_empty() {
             return Ok(());
@@ -99,6 +96,25 @@ impl DenseCholesky {
             MemStack::new(&mut []),
         );
         Ok(())
+    }
+
+    /// A^-1, both triangles. O(2 n^3 / 3).
+    #[must_use]
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let rows = self.lower.nrows();
+        let mut result = DMatrix::zeros(rows, rows);
+        if rows == 0 {
+            return result;
+        }
+        let scratch = inverse::inverse_scratch::<f64>(rows, Par::Seq);
+        inverse::inverse(
+            MatMut::from_column_major_slice_mut(result.as_mut_slice(), rows, rows),
+            MatRef::from_column_major_slice(self.lower.as_slice(), rows, rows),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+        );
+        result.fill_upper_triangle_with_lower_triangle();
+        result
     }
 
     /// The buffer, to be filled and factorised again; its contents are L below and unspecified above.
@@ -126,6 +142,8 @@ mod tests {
             let factor = DenseCholesky::new(matrix, &vec![0.0; n]).expect("positive definite");
             factor.solve_in_place(right.as_mut_slice()).expect("fits");
             assert!((right - truth).amax() < 1e-11, "{n}");
+            let product = factor.inverse() * spd(n);
+            assert!((product - DMatrix::identity(n, n)).amax() < 1e-11, "{n}");
         }
     }
 

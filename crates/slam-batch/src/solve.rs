@@ -1,0 +1,347 @@
+//! The iteration: damped Gauss-Newton over poses and constants, landmarks solved again after every step.
+//!
+//! 1. Take the lens out of every pixel under the present calibration; fill the reduced system.
+//! 2. Solve (S + mu diag S) dx = -g; move; refine every landmark; compare the costs.
+//! 3. Accept a step that lowers the cost and damp less, else damp more and try again (Marquardt).
+//! 4. Stop when the step promises less than a thousandth of a unit of chi-square, or at the limit.
+//!
+//! Degenerate: without sightings the answer is dead reckoning; without odometry that moves, the scale is that of the
+//! floors, and its sigma says so.
+
+use mono_geometry::linalg::DenseCholesky;
+use nalgebra::{DMatrix, Vector2};
+use slam_pipeline::Odometer;
+
+use crate::constants::Constant;
+use crate::error::BatchError;
+use crate::landmark::{Landmark, Pixels};
+use crate::pixel::{Seen, View, calibrated};
+use crate::problem::{Problem, Track};
+use crate::solution::{Fit, Solution};
+use crate::state::{FIXED, Layout, State};
+use crate::system::{Beliefs, Motion, System, squares};
+
+/// A step that promises less than this of chi-square is none.
+const NO_PROMISE: f64 = 1e-3;
+/// Damping at which no step is left to try.
+const STUCK: f64 = 1e8;
+/// Inverse depths that no parallax shows stay within this many times that of the nearest landmark.
+const OPEN_DEPTHS: f64 = 10.0;
+
+/// Solves a problem.
+///
+/// Time is that of 10 to 15 iterations of O(sightings x keyframes that share a landmark + unknowns^3 / 6), and of one
+/// inverse for the covariance. The answer is the same, bit for bit, on every call.
+///
+/// # Errors
+/// [`BatchError`] for a problem that fails [`Problem::check`], has no landmark seen twice, or whose odometry or rig the
+/// geometry refuses. A limit reached is no error: see [`Solution::converged`].
+pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
+    problem.check()?;
+    let layout = Layout::new(problem);
+    let motions = motions(problem)?;
+    let starts: Vec<usize> = (0..problem.keyframes.len())
+        .filter(|k| problem.keyframes[*k].motion.is_none())
+        .collect();
+    let tracks: Vec<&Track> = problem
+        .tracks
+        .iter()
+        .filter(|t| t.sightings.len() > 1)
+        .collect();
+    let iteration = Iteration {
+        problem,
+        layout: &layout,
+        beliefs: Beliefs {
+            model: &problem.model,
+            motions: &motions,
+            starts: &starts,
+        },
+        tracks,
+        lever_m: problem.rig.mount.body_from_camera.translation.xy(),
+    };
+    iteration.run()
+}
+
+fn motions(problem: &Problem) -> Result<Vec<Motion>, BatchError> {
+    let mut motions: Vec<Motion> = Vec::new();
+    for (to, keyframe) in problem.keyframes.iter().enumerate() {
+        let Some(rows) = &keyframe.motion else {
+            continue;
+        };
+        let mut odometer = Odometer::new(&problem.model.odometry);
+        for row in rows {
+            odometer.push(row)?;
+        }
+        let first = problem.keyframes[to - 1].motion.is_none();
+        motions.push(Motion::new(to, first, rows.clone(), &odometer.control()));
+    }
+    Ok(motions)
+}
+
+struct Iteration<'a> {
+    problem: &'a Problem,
+    layout: &'a Layout,
+    beliefs: Beliefs<'a>,
+    tracks: Vec<&'a Track>,
+    lever_m: Vector2<f64>,
+}
+
+/// An estimate with what was measured, as its calibration sees it.
+struct Estimate {
+    state: State,
+    views: Vec<View>,
+    seen: Vec<Vec<Seen>>,
+    landmarks: Vec<Landmark>,
+    /// Twice the costs.
+    pixel_cost: f64,
+    belief_cost: f64,
+}
+
+impl Estimate {
+    fn cost(&self) -> f64 {
+        0.5 * (self.pixel_cost + self.belief_cost)
+    }
+}
+
+impl Iteration<'_> {
+    fn run(&self) -> Result<Solution, BatchError> {
+        let mut best = self.first()?;
+        let mut system = System::new(self.layout.size);
+        let mut damping = 1e-6;
+        let (mut iterations, mut converged) = (0, false);
+        while iterations < self.problem.model.max_iterations && !converged {
+            iterations += 1;
+            self.fill(&mut system, &best);
+            loop {
+                let Some(step) = damped_step(&system, damping)? else {
+                    damping *= 10.0;
+                    if damping > STUCK {
+                        converged = false;
+                        iterations = self.problem.model.max_iterations;
+                        break;
+                    }
+                    continue;
+                };
+                let promise: f64 = -step
+                    .iter()
+                    .zip(&system.gradient)
+                    .map(|(s, g)| s * g)
+                    .sum::<f64>();
+                if promise < NO_PROMISE {
+                    converged = true;
+                    break;
+                }
+                if let Some(next) = self.moved(&best, &step)?
+                    && next.cost() < best.cost()
+                {
+                    best = next;
+                    damping = (damping * 0.1).max(1e-9);
+                    break;
+                }
+                damping = (damping * 10.0).max(1e-5);
+                if damping > STUCK {
+                    // No step of any length lowers the cost: the bottom to rounding.
+                    converged = true;
+                    break;
+                }
+            }
+        }
+        self.fill(&mut system, &best);
+        let covariance = inverse(system)?;
+        let sightings = best.seen.iter().map(Vec::len).sum();
+        let fit = Fit {
+            cost: best.cost(),
+            pixel_chi_square: best.pixel_cost,
+            motion_chi_square: best.belief_cost,
+            sightings,
+            degrees_of_freedom: (2 * sightings)
+                .saturating_sub(3 * best.landmarks.len() + self.layout.size),
+        };
+        Ok(Solution::new(
+            self.problem,
+            self.layout,
+            &best.state,
+            self.placed(&best),
+            &covariance,
+            fit,
+            iterations,
+            converged,
+        ))
+    }
+
+    fn pixels(&self) -> Pixels<'_> {
+        let rho_sigma = OPEN_DEPTHS / self.problem.model.min_depth_m;
+        Pixels {
+            pinhole: self.problem.rig.camera.pinhole(),
+            loss: &self.problem.model.loss,
+            rho_information: 1.0 / (rho_sigma * rho_sigma),
+        }
+    }
+
+    fn views(&self, state: &State) -> Vec<View> {
+        let rotation = self.problem.rig.mount.body_from_camera.rotation;
+        state
+            .poses
+            .iter()
+            .map(|pose| View::new(pose, rotation.matrix()))
+            .collect()
+    }
+
+    /// All sightings under the calibration of `state`, those outside the lens left out.
+    fn seen(&self, state: &State) -> Result<Vec<Vec<Seen>>, BatchError> {
+        let nominal = self.problem.rig.camera.pinhole();
+        let camera = calibrated(&self.problem.rig.camera, &state.constants)?;
+        Ok(self
+            .tracks
+            .iter()
+            .map(|track| {
+                track
+                    .sightings
+                    .iter()
+                    .filter_map(|s| {
+                        Seen::new(
+                            s.keyframe,
+                            &s.pixel,
+                            &camera,
+                            nominal,
+                            self.problem.model.sigma_px,
+                        )
+                    })
+                    .collect()
+            })
+            .collect())
+    }
+
+    fn calibrates(&self) -> bool {
+        self.layout.constants[Constant::OF_MOTION..]
+            .iter()
+            .any(|index| *index != FIXED)
+    }
+
+    fn first(&self) -> Result<Estimate, BatchError> {
+        let state = State::start(self.problem);
+        let views = self.views(&state);
+        let seen = self.seen(&state)?;
+        if seen.iter().all(|s| s.len() < 2) {
+            return Err(BatchError::NoTracks);
+        }
+        let pixels = self.pixels();
+        let landmarks = seen
+            .iter()
+            .zip(&self.tracks)
+            .map(|(seen, track)| match seen.first() {
+                Some(_) => pixels.start(&views, seen),
+                None => Landmark {
+                    anchor: track.sightings[0].keyframe,
+                    parameters: nalgebra::Vector3::zeros(),
+                },
+            })
+            .collect();
+        Ok(self.settled(state, views, seen, landmarks))
+    }
+
+    fn moved(&self, from: &Estimate, step: &[f64]) -> Result<Option<Estimate>, BatchError> {
+        if !step.iter().all(|v| v.is_finite()) {
+            return Ok(None);
+        }
+        let state = from.state.moved(self.layout, step);
+        let views = self.views(&state);
+        let seen = if self.calibrates() {
+            match self.seen(&state) {
+                Ok(seen) if same_sightings(&seen, &from.seen) => seen,
+                // A step so far that the camera is none, or sightings leave the lens.
+                _ => return Ok(None),
+            }
+        } else {
+            from.seen.clone()
+        };
+        Ok(Some(self.settled(
+            state,
+            views,
+            seen,
+            from.landmarks.clone(),
+        )))
+    }
+
+    fn settled(
+        &self,
+        state: State,
+        views: Vec<View>,
+        seen: Vec<Vec<Seen>>,
+        mut landmarks: Vec<Landmark>,
+    ) -> Estimate {
+        let pixels = self.pixels();
+        let pixel_cost = landmarks
+            .iter_mut()
+            .zip(&seen)
+            .map(|(landmark, seen)| pixels.settle(landmark, &views, seen))
+            .sum();
+        let belief_cost = squares(&self.beliefs.residuals(&state, self.layout, &self.lever_m));
+        Estimate {
+            state,
+            views,
+            seen,
+            landmarks,
+            pixel_cost,
+            belief_cost,
+        }
+    }
+
+    fn fill(&self, system: &mut System, at: &Estimate) {
+        let pixels = self.pixels();
+        system.clear();
+        for (landmark, seen) in at.landmarks.iter().zip(&at.seen) {
+            system.add_landmark(&pixels, self.layout, &at.views, landmark, seen);
+        }
+        system.add_scalars(
+            &self
+                .beliefs
+                .residuals(&at.state, self.layout, &self.lever_m),
+        );
+    }
+
+    /// Identity, anchor and position in the unit of the map of every landmark at a finite distance.
+    fn placed(&self, at: &Estimate) -> Vec<(u32, usize, nalgebra::Vector3<f64>)> {
+        let farthest = 1e3 / self.problem.model.min_depth_m;
+        at.landmarks
+            .iter()
+            .zip(&self.tracks)
+            .filter(|(landmark, _)| landmark.parameters.z * farthest > 1.0)
+            .map(|(landmark, track)| {
+                let placed = landmark.place(&at.views);
+                (
+                    track.landmark,
+                    landmark.anchor,
+                    placed.origin + placed.direction / placed.rho,
+                )
+            })
+            .collect()
+    }
+}
+
+fn same_sightings(a: &[Vec<Seen>], b: &[Vec<Seen>]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a.len() == b.len())
+}
+
+/// `None` where the damped matrix is not positive definite.
+fn damped_step(system: &System, damping: f64) -> Result<Option<Vec<f64>>, BatchError> {
+    let size = system.gradient.len();
+    let mut matrix = system.matrix.clone();
+    for i in 0..size {
+        matrix[(i, i)] *= 1.0 + damping;
+    }
+    let Ok(factor) = DenseCholesky::new(matrix, &vec![0.0; size]) else {
+        return Ok(None);
+    };
+    let mut step: Vec<f64> = system.gradient.iter().map(|g| -g).collect();
+    factor.solve_in_place(&mut step)?;
+    Ok(Some(step))
+}
+
+fn inverse(system: System) -> Result<DMatrix<f64>, BatchError> {
+    let size = system.gradient.len();
+    let floor: Vec<f64> = (0..size)
+        .map(|i| f64::EPSILON * (system.rounding[i] + size as f64 * system.matrix[(i, i)].abs()))
+        .collect();
+    Ok(DenseCholesky::new(system.matrix, &floor)?.inverse())
+}
