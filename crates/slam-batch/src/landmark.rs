@@ -3,10 +3,10 @@
 //! A landmark stays in the axes of its anchor camera, so it follows a step of the poses before it is refined. Without
 //! the second step the iteration would move along the curved valley of the scale in steps as short as its bend.
 
-use mono_geometry::{Pinhole, RobustLoss};
+use mono_geometry::RobustLoss;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::pixel::{BEHIND_SIGMAS, Seen, View};
+use crate::pixel::{BEHIND_SIGMAS, Seen, Sensor, View};
 
 /// Direction (u, v) and inverse depth rho in the anchor camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +61,7 @@ impl Placed {
 /// The measuring side of the landmarks.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pixels<'a> {
-    pub(crate) pinhole: &'a Pinhole,
+    pub(crate) sensor: Sensor,
     pub(crate) loss: &'a RobustLoss,
     /// Information that keeps rho in place where no parallax does.
     pub(crate) rho_information: f64,
@@ -80,7 +80,7 @@ impl Pixels<'_> {
     /// The landmark at the pixel of its first sighting, at the inverse depth that the others show on their epipolar
     /// lines (linear least squares), not refined. Sightings must not be empty.
     pub(crate) fn start(&self, views: &[View], seen: &[Seen]) -> Landmark {
-        let direction = self.pinhole.normalize(&seen[0].ideal);
+        let direction = seen[0].direction;
         let mut landmark = Landmark {
             anchor: seen[0].keyframe,
             parameters: Vector3::new(direction.x, direction.y, 0.0),
@@ -91,7 +91,7 @@ impl Pixels<'_> {
             let view = &views[s.keyframe];
             let at_infinity = placed.in_view(view);
             let by_rho = view.camera_from_world * (placed.origin - view.centre);
-            let n = self.pinhole.normalize(&s.ideal);
+            let n = s.direction;
             if at_infinity.z < 0.05 {
                 continue;
             }
@@ -137,7 +137,7 @@ impl Pixels<'_> {
         seen.iter()
             .map(|s| {
                 let q = placed.in_view(&views[s.keyframe]);
-                self.rho(s.residual(self.pinhole, &q))
+                self.rho(self.sensor.residual(s, &q))
             })
             .sum()
     }
@@ -158,7 +158,7 @@ impl Pixels<'_> {
             for s in seen {
                 let view = &views[s.keyframe];
                 let q = placed.in_view(view);
-                let Some((residual, by_point)) = s.linearise(self.pinhole, &q) else {
+                let Some((residual, by_point)) = self.sensor.linearise(s, &q) else {
                     continue;
                 };
                 let squared = residual.norm_squared();

@@ -1,6 +1,6 @@
 //! The iteration: damped Gauss-Newton over poses and constants, landmarks solved again after every step.
 //!
-//! 1. Take the lens out of every pixel under the present calibration; fill the reduced system.
+//! 1. Fill the reduced system at the present poses, landmarks and calibration.
 //! 2. Solve (S + mu diag S) dx = -g; move; refine every landmark; compare the costs.
 //! 3. Accept a step that lowers the cost and damp less, else damp more and try again (Marquardt).
 //! 4. Stop when the step promises less than a thousandth of a unit of chi-square, or at the limit.
@@ -8,17 +8,17 @@
 //! Degenerate: without sightings the answer is dead reckoning; without odometry that moves, the scale is that of the
 //! floors, and its sigma says so.
 
+use mono_geometry::Camera;
 use mono_geometry::linalg::DenseCholesky;
 use nalgebra::{DMatrix, Vector2};
 use slam_pipeline::Odometer;
 
-use crate::constants::Constant;
 use crate::error::BatchError;
 use crate::landmark::{Landmark, Pixels};
-use crate::pixel::{Seen, View, calibrated};
+use crate::pixel::{Seen, Sensor, View};
 use crate::problem::{Problem, Track};
 use crate::solution::{Fit, Solution};
-use crate::state::{FIXED, Layout, State};
+use crate::state::{Layout, State};
 use crate::system::{Beliefs, Motion, System, squares};
 
 /// A step that promises less than this of chi-square is none.
@@ -43,11 +43,17 @@ pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
     let starts: Vec<usize> = (0..problem.keyframes.len())
         .filter(|k| problem.keyframes[*k].motion.is_none())
         .collect();
-    let tracks: Vec<&Track> = problem
-        .tracks
-        .iter()
-        .filter(|t| t.sightings.len() > 1)
-        .collect();
+    let (mut seen, mut identities) = (Vec::new(), Vec::new());
+    for track in &problem.tracks {
+        let inside = inside_lens(&problem.rig.camera, track);
+        if inside.len() > 1 {
+            seen.push(inside);
+            identities.push(track.landmark);
+        }
+    }
+    if seen.is_empty() {
+        return Err(BatchError::NoTracks);
+    }
     let iteration = Iteration {
         problem,
         layout: &layout,
@@ -56,10 +62,19 @@ pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
             motions: &motions,
             starts: &starts,
         },
-        tracks,
+        seen,
+        identities,
         lever_m: problem.rig.mount.body_from_camera.translation.xy(),
     };
     iteration.run()
+}
+
+fn inside_lens(camera: &Camera, track: &Track) -> Vec<Seen> {
+    track
+        .sightings
+        .iter()
+        .filter_map(|s| Seen::new(s.keyframe, &s.pixel, camera))
+        .collect()
 }
 
 fn motions(problem: &Problem) -> Result<Vec<Motion>, BatchError> {
@@ -82,15 +97,16 @@ struct Iteration<'a> {
     problem: &'a Problem,
     layout: &'a Layout,
     beliefs: Beliefs<'a>,
-    tracks: Vec<&'a Track>,
+    /// Sightings of each landmark that has two of them, inside the lens.
+    seen: Vec<Vec<Seen>>,
+    identities: Vec<u32>,
     lever_m: Vector2<f64>,
 }
 
-/// An estimate with what was measured, as its calibration sees it.
+/// An estimate and its cost.
 struct Estimate {
     state: State,
     views: Vec<View>,
-    seen: Vec<Vec<Seen>>,
     landmarks: Vec<Landmark>,
     /// Twice the costs.
     pixel_cost: f64,
@@ -111,7 +127,7 @@ impl Iteration<'_> {
         let (mut iterations, mut converged) = (0, false);
         while iterations < self.problem.model.max_iterations && !converged {
             iterations += 1;
-            self.fill(&mut system, &best);
+            self.fill(&mut system, &best)?;
             loop {
                 let Some(step) = damped_step(&system, damping)? else {
                     damping *= 10.0;
@@ -131,7 +147,7 @@ impl Iteration<'_> {
                     converged = true;
                     break;
                 }
-                if let Some(next) = self.moved(&best, &step)?
+                if let Some(next) = self.moved(&best, &step)
                     && next.cost() < best.cost()
                 {
                     best = next;
@@ -146,9 +162,9 @@ impl Iteration<'_> {
                 }
             }
         }
-        self.fill(&mut system, &best);
+        self.fill(&mut system, &best)?;
         let covariance = inverse(system)?;
-        let sightings = best.seen.iter().map(Vec::len).sum();
+        let sightings = self.seen.iter().map(Vec::len).sum();
         let fit = Fit {
             cost: best.cost(),
             pixel_chi_square: best.pixel_cost,
@@ -169,13 +185,14 @@ impl Iteration<'_> {
         ))
     }
 
-    fn pixels(&self) -> Pixels<'_> {
-        let rho_sigma = OPEN_DEPTHS / self.problem.model.min_depth_m;
-        Pixels {
-            pinhole: self.problem.rig.camera.pinhole(),
-            loss: &self.problem.model.loss,
+    fn pixels(&self, state: &State) -> Result<Pixels<'_>, BatchError> {
+        let model = &self.problem.model;
+        let rho_sigma = OPEN_DEPTHS / model.min_depth_m;
+        Ok(Pixels {
+            sensor: Sensor::new(&self.problem.rig.camera, &state.constants, model.sigma_px)?,
+            loss: &model.loss,
             rho_information: 1.0 / (rho_sigma * rho_sigma),
-        }
+        })
     }
 
     fn views(&self, state: &State) -> Vec<View> {
@@ -187,110 +204,46 @@ impl Iteration<'_> {
             .collect()
     }
 
-    /// All sightings under the calibration of `state`, those outside the lens left out.
-    fn seen(&self, state: &State) -> Result<Vec<Vec<Seen>>, BatchError> {
-        let nominal = self.problem.rig.camera.pinhole();
-        let camera = calibrated(&self.problem.rig.camera, &state.constants)?;
-        Ok(self
-            .tracks
-            .iter()
-            .map(|track| {
-                track
-                    .sightings
-                    .iter()
-                    .filter_map(|s| {
-                        Seen::new(
-                            s.keyframe,
-                            &s.pixel,
-                            &camera,
-                            nominal,
-                            self.problem.model.sigma_px,
-                        )
-                    })
-                    .collect()
-            })
-            .collect())
-    }
-
-    fn calibrates(&self) -> bool {
-        self.layout.constants[Constant::OF_MOTION..]
-            .iter()
-            .any(|index| *index != FIXED)
-    }
-
     fn first(&self) -> Result<Estimate, BatchError> {
         let state = State::start(self.problem);
         let views = self.views(&state);
-        let seen = self.seen(&state)?;
-        if seen.iter().all(|s| s.len() < 2) {
-            return Err(BatchError::NoTracks);
-        }
-        let pixels = self.pixels();
-        let landmarks = seen
+        let pixels = self.pixels(&state)?;
+        let landmarks = self
+            .seen
             .iter()
-            .zip(&self.tracks)
-            .map(|(seen, track)| match seen.first() {
-                Some(_) => pixels.start(&views, seen),
-                None => Landmark {
-                    anchor: track.sightings[0].keyframe,
-                    parameters: nalgebra::Vector3::zeros(),
-                },
-            })
+            .map(|seen| pixels.start(&views, seen))
             .collect();
-        Ok(self.settled(state, views, seen, landmarks))
+        Ok(self.settled(state, landmarks, &pixels))
     }
 
-    fn moved(&self, from: &Estimate, step: &[f64]) -> Result<Option<Estimate>, BatchError> {
-        if !step.iter().all(|v| v.is_finite()) {
-            return Ok(None);
-        }
+    /// The estimate after a step; `None` after one so far that the camera is none.
+    fn moved(&self, from: &Estimate, step: &[f64]) -> Option<Estimate> {
         let state = from.state.moved(self.layout, step);
-        let views = self.views(&state);
-        let seen = if self.calibrates() {
-            match self.seen(&state) {
-                Ok(seen) if same_sightings(&seen, &from.seen) => seen,
-                // A step so far that the camera is none, or sightings leave the lens.
-                _ => return Ok(None),
-            }
-        } else {
-            from.seen.clone()
-        };
-        Ok(Some(self.settled(
-            state,
-            views,
-            seen,
-            from.landmarks.clone(),
-        )))
+        let pixels = self.pixels(&state).ok()?;
+        Some(self.settled(state, from.landmarks.clone(), &pixels))
     }
 
-    fn settled(
-        &self,
-        state: State,
-        views: Vec<View>,
-        seen: Vec<Vec<Seen>>,
-        mut landmarks: Vec<Landmark>,
-    ) -> Estimate {
-        let pixels = self.pixels();
+    fn settled(&self, state: State, mut landmarks: Vec<Landmark>, pixels: &Pixels<'_>) -> Estimate {
+        let views = self.views(&state);
         let pixel_cost = landmarks
             .iter_mut()
-            .zip(&seen)
+            .zip(&self.seen)
             .map(|(landmark, seen)| pixels.settle(landmark, &views, seen))
             .sum();
         let belief_cost = squares(&self.beliefs.residuals(&state, self.layout, &self.lever_m));
         Estimate {
             state,
             views,
-            seen,
             landmarks,
             pixel_cost,
             belief_cost,
         }
     }
 
-    fn fill(&self, system: &mut System, at: &Estimate) {
-        let pixels = self.pixels();
+    fn fill(&self, system: &mut System, at: &Estimate) -> Result<(), BatchError> {
+        let pixels = self.pixels(&at.state)?;
         system.clear();
-        for (landmark, seen) in at.landmarks.iter().zip(&at.seen) {
+        for (landmark, seen) in at.landmarks.iter().zip(&self.seen) {
             system.add_landmark(&pixels, self.layout, &at.views, landmark, seen);
         }
         system.add_scalars(
@@ -298,6 +251,7 @@ impl Iteration<'_> {
                 .beliefs
                 .residuals(&at.state, self.layout, &self.lever_m),
         );
+        Ok(())
     }
 
     /// Identity, anchor and position in the unit of the map of every landmark at a finite distance.
@@ -305,22 +259,18 @@ impl Iteration<'_> {
         let farthest = 1e3 / self.problem.model.min_depth_m;
         at.landmarks
             .iter()
-            .zip(&self.tracks)
+            .zip(&self.identities)
             .filter(|(landmark, _)| landmark.parameters.z * farthest > 1.0)
-            .map(|(landmark, track)| {
+            .map(|(landmark, identity)| {
                 let placed = landmark.place(&at.views);
                 (
-                    track.landmark,
+                    *identity,
                     landmark.anchor,
                     placed.origin + placed.direction / placed.rho,
                 )
             })
             .collect()
     }
-}
-
-fn same_sightings(a: &[Vec<Seen>], b: &[Vec<Seen>]) -> bool {
-    a.iter().zip(b).all(|(a, b)| a.len() == b.len())
 }
 
 /// `None` where the damped matrix is not positive definite.

@@ -235,7 +235,7 @@ pub(crate) struct System {
     pub(crate) matrix: DMatrix<f64>,
     /// Gradient.
     pub(crate) gradient: Vec<f64>,
-    /// What rounding can have left on the diagonal, in units of eps.
+    /// Size of rounding errors on the diagonal, in units of eps.
     pub(crate) rounding: Vec<f64>,
     z: [Vec<f64>; 3],
 }
@@ -292,7 +292,7 @@ impl System {
         for s in seen {
             let view = &views[s.keyframe];
             let q = placed.in_view(view);
-            let Some((residual, by_point)) = s.linearise(pixels.pinhole, &q) else {
+            let Some((residual, by_point)) = pixels.sensor.linearise(s, &q) else {
                 continue;
             };
             let squared = residual.norm_squared();
@@ -322,8 +322,8 @@ impl System {
                 couplings.push((index[a], w.row(a).into()));
             }
             if calibrates {
-                let by = &s.by_calibration;
-                let own = by.tr_mul(by) * weight;
+                let by = pixels.sensor.by_calibration(&q);
+                let own = by.tr_mul(&by) * weight;
                 let cross = by.tr_mul(&by_pose) * weight;
                 let gradient: SVector<f64, CALIBRATION> = by.tr_mul(&residual) * weight;
                 calibration += by.tr_mul(&by_landmark) * weight;

@@ -8,3 +8,4 @@
 mod recovery;
 mod refused;
 mod simulation;
+mod whole_run;

@@ -50,9 +50,6 @@ fn the_truth_is_recovered_within_the_covariance() {
     }
     let nees = sum / SEEDS as f64;
     let (low, high) = band(SEEDS, 3);
-    println!(
-        "NEES {nees:.2} in [{low:.2}, {high:.2}], RMSE {batch:.3} of {wheels:.3}, chi-square {fit:.3}"
-    );
     assert!((low..high).contains(&nees), "{nees} outside {low}..{high}");
     // 150,000 degrees of freedom: four standard errors are 0.015.
     assert!((fit - 1.0).abs() < 0.015, "chi-square {fit}");
@@ -60,10 +57,6 @@ fn the_truth_is_recovered_within_the_covariance() {
 }
 
 /// The constants are found within their sigmas, and the last pose within its covariance.
-///
-/// The noise of the pixels is a quarter of the other tests': each landmark has three numbers and a few sightings, so
-/// the likelihood's estimate of the focal length is off by a term of second order in the noise (0.07 % at 0.4 px here, a
-/// sixteenth of that at 0.1 px; its sigma falls only by four).
 fn learns(constants: Constants, priors: Constants, change: impl Fn(&mut Settings)) {
     const SEEDS: u64 = 24;
     let mut sums = [0.0; Constant::COUNT];
@@ -72,7 +65,6 @@ fn learns(constants: Constants, priors: Constants, change: impl Fn(&mut Settings
         let mut settings = settings();
         settings.truth = constants;
         settings.model.constants = priors;
-        settings.model.sigma_px = 0.1;
         change(&mut settings);
         let drive = Drive::new(&settings, 100 + seed);
         let solution = solve(&drive.problem).unwrap();
@@ -89,7 +81,6 @@ fn learns(constants: Constants, priors: Constants, change: impl Fn(&mut Settings
     for (constant, prior) in priors.iter() {
         if prior > 0.0 {
             let mean = sums[constant as usize] / SEEDS as f64;
-            println!("{}: {mean:.2} in [{low:.2}, {high:.2}]", constant.name());
             assert!((low..high).contains(&mean), "{constant:?}: {mean}");
         }
     }
@@ -151,7 +142,6 @@ fn a_robot_that_is_not_the_nominal_one_needs_its_constants() {
         .with(Constant::TurningCentre, 0.3);
     let with = solve(&problem).unwrap();
     let (wrong, right) = (nees(&without, &drive), nees(&with, &drive));
-    println!("NEES {wrong} without, {right} with the constants");
     assert!(wrong > 20.0 && right < 16.3, "{wrong} against {right}");
     assert!(without.fit.motion_chi_square > 1.5 * with.fit.motion_chi_square);
 }
@@ -177,7 +167,6 @@ fn a_drifting_scale_gives_the_map_freedom_and_no_bias() {
     }
     let nees = sum / SEEDS as f64;
     let high = band(SEEDS, 3).1;
-    println!("NEES {nees}");
     assert!(nees < high && nees > 0.3, "{nees}");
 }
 
@@ -199,7 +188,6 @@ fn wrong_matches_pull_less_with_a_loss() {
         error(RobustLoss::None),
         error(RobustLoss::Huber { threshold: 2.5 }),
     );
-    println!("{plain} m plain, {huber} m with Huber's loss");
     assert!(huber < 0.5 * plain, "{huber} against {plain}");
 }
 
@@ -225,7 +213,7 @@ fn two_drives_of_one_robot_share_their_constants() {
     settings.model.constants = Constants::ZERO.with(Constant::FocalScale, 0.01);
     let (first, second) = (Drive::new(&settings, 21), Drive::new(&settings, 22));
     let alone = solve(&first.problem).unwrap();
-    let mut both = first.problem.clone();
+    let mut both = first.problem;
     let offset = both.keyframes.len();
     both.keyframes
         .extend(second.problem.keyframes.iter().cloned());
