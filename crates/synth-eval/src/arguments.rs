@@ -10,7 +10,7 @@ pub(crate) const HELP: &str = "\
 synth-eval [OPTIONS]
       compare the filters on rendered scenes and recorded sequences; results and tables go to DIR
   --quick               3 seeds and the five most telling estimators (without: 8 seeds, all)
-  --scene NAME          a rendered scene, wall or room; may be repeated (wall)
+  --scene NAME          a rendered scene, see below; may be repeated (wall)
   --sequence SEQ        a recorded sequence with a reference path; may be repeated
   --seeds N|A-B         seeds 1 to N, or A to B
   --frames N            frames of the rendered scenes

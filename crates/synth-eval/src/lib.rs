@@ -38,4 +38,5 @@ mod trial;
 
 pub use figures::figures;
 pub use options::Options;
+pub use scene_name::effects_help;
 pub use study::{Outcome, merge, run};

@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let tell = |line: &str| eprintln!("{line}");
     let outcome = match &command {
         Command::Help => {
-            print!("{}", arguments::HELP);
+            print!("{}\n{}", arguments::HELP, synth_eval::effects_help());
             return ExitCode::SUCCESS;
         }
         Command::Run(options) => synth_eval::run(options, &tell),

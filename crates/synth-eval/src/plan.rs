@@ -66,7 +66,9 @@ impl Source {
     /// Frames of a scene; a guess for a folder, which is not opened for it.
     pub(crate) fn frames(&self) -> usize {
         match self {
-            Self::Rendered { spec, .. } => spec.frames,
+            Self::Rendered { spec, .. } => {
+                spec.frames * spec.frame_rate.multiple / spec.frame_rate.divisor
+            }
             Self::Folder(_) => 200,
         }
     }

@@ -10,7 +10,7 @@ use slam_pipeline::{OdometryInterval, Rig, detector_of};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use vision_sift::{Features, GrayImage, Workspace};
-use wall_scenes::{FRAME_PERIOD_S, ROWS_PER_FRAME, Scene, SceneSpec};
+use wall_scenes::{Scene, SceneSpec};
 
 use crate::noise::odometry_section;
 
@@ -68,7 +68,7 @@ impl Recording {
     pub(crate) fn rendered(name: &str, spec: SceneSpec, config: &Config) -> anyhow::Result<Self> {
         let scene = Scene::new(spec)?;
         let skins = scene.skins();
-        let (features, detection_ms) = detect(config, scene.path().poses.len(), |frame| {
+        let (features, detection_ms) = detect(config, scene.images(), |frame| {
             let image = scene.render(&skins, frame);
             Ok((image.width, image.height, image.pixels))
         })?;
@@ -114,11 +114,12 @@ impl Drive {
     /// # Errors
     /// The scene's camera is none.
     pub(crate) fn of_scene(name: &str, scene: Scene) -> anyhow::Result<Self> {
+        let (pinhole, mount) = scene.stated_calibration();
         Ok(Self {
             name: name.to_owned(),
             rig: Rig {
-                camera: Camera::new(Scene::pinhole(), Distortion::None)?,
-                mount: Scene::mount(),
+                camera: Camera::new(pinhole, Distortion::None)?,
+                mount,
             },
             odometry: odometry(&scene),
             truth: scene.path().poses.iter().copied().map(Some).collect(),
@@ -166,28 +167,28 @@ fn origins(features: &[Features]) -> BTreeMap<Descriptor, Option<(usize, usize)>
     origins
 }
 
-/// The rows of the scene in groups of one frame.
+/// The rows of the scene in groups, one before each image.
 fn odometry(scene: &Scene) -> Vec<Vec<OdometryInterval>> {
-    let mut groups = vec![Vec::new()];
-    let moving = scene.odometry().len() - 1;
-    for rows in scene.odometry()[..moving].chunks(ROWS_PER_FRAME) {
-        groups.push(
-            rows.iter()
-                .map(|row| OdometryInterval {
-                    duration_s: FRAME_PERIOD_S / ROWS_PER_FRAME as f64,
+    (0..scene.images())
+        .map(|image| {
+            scene
+                .odometry_before(image)
+                .into_iter()
+                .map(|(duration_s, row)| OdometryInterval {
+                    duration_s,
                     v_mps: row.v_mps,
                     omega_radps: row.omega_radps,
                 })
-                .collect(),
-        );
-    }
-    groups
+                .collect()
+        })
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use vision_sift::Keypoint;
+    use wall_scenes::ROWS_PER_FRAME;
 
     fn found(tags: &[u8]) -> Features {
         let keypoint = Keypoint {

@@ -3,7 +3,7 @@
 use lexopt::prelude::*;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use wall_scenes::{BoardSetSpec, SceneSpec};
+use wall_scenes::{BoardSetSpec, CalibrationError, Carrier, FrameRate, SceneKind, SceneSpec};
 
 /// The text of `--help`.
 pub(crate) const HELP: &str = "\
@@ -11,6 +11,17 @@ wall-scenes <command>
 
 scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
       render a sequence with ground truth; LEVELS is the pixel noise at mid grey
+      [--laps N]                     rounds of the room (1)
+      [--frame-rate R|1/R]           R times as many images of the same drive, or every R-th (1)
+      [--curve-slip S]               slip angle per turn rate, seconds
+      [--slip RATIO]                 white sideways slip of a frame, share of its length
+      [--roll RAD] [--pitch RAD]     sway, root mean square
+      [--origin-ahead M]             body origin ahead of the turning centre
+      [--slope RAD]                  steepest slope of the floor
+      [--turn-bias RADPS]            constant error of the reported turn rate
+      [--wheel-radius RATIO]         constant relative error of the reported speed
+      [--mount-yaw RAD]              error of the mount in camera.toml
+      [--focal RATIO]                relative error of the focal length in camera.toml
 board --out DIR [--count N] [--seed S] [--width PX] [--noise LEVELS]
       render pictures of a 9x6 checkerboard with its true corners and camera, for mono-slam calibrate
 ";
@@ -65,7 +76,9 @@ fn require(holds: bool, message: impl FnOnce() -> String) -> Result<(), lexopt::
 
 fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
     let (mut out, mut kind, mut seed) = (None, String::from("wall"), 1);
-    let (mut frames, mut noise_px) = (None, None);
+    let (mut frames, mut noise_px, mut laps) = (None, None, None);
+    let (mut carrier, mut calibration) = (Carrier::IDEAL, CalibrationError::default());
+    let mut frame_rate = FrameRate::ONE;
     while let Some(argument) = parser.next()? {
         match argument {
             Long("out") => out = Some(PathBuf::from(parser.value()?)),
@@ -73,23 +86,51 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
             Long("seed") => seed = parser.value()?.parse()?,
             Long("frames") => frames = Some(parser.value()?.parse()?),
             Long("noise-px") => noise_px = Some(parser.value()?.parse()?),
+            Long("laps") => laps = Some(parser.value()?.parse()?),
+            Long("frame-rate") => frame_rate = rate(&parser.value()?.string()?)?,
+            Long("curve-slip") => carrier.curve_slip_s = parser.value()?.parse()?,
+            Long("slip") => carrier.slip_ratio = parser.value()?.parse()?,
+            Long("roll") => carrier.roll_rad = parser.value()?.parse()?,
+            Long("pitch") => carrier.pitch_rad = parser.value()?.parse()?,
+            Long("origin-ahead") => carrier.origin_ahead_m = parser.value()?.parse()?,
+            Long("slope") => carrier.slope_rad = parser.value()?.parse()?,
+            Long("turn-bias") => carrier.turn_bias_radps = parser.value()?.parse()?,
+            Long("wheel-radius") => carrier.wheel_radius_ratio = parser.value()?.parse()?,
+            Long("mount-yaw") => calibration.mount_yaw_rad = parser.value()?.parse()?,
+            Long("focal") => calibration.focal_ratio = parser.value()?.parse()?,
             Long("help") | Short('h') => return Ok(Command::Help),
             other => return Err(other.unexpected()),
         }
     }
     let mut spec = match kind.as_str() {
         "wall" => SceneSpec::wall(seed),
-        "room" => SceneSpec::room(seed),
+        "room" => SceneSpec::laps(seed, laps.unwrap_or(1)),
         other => return Err(format!("--kind must be wall or room, not `{other}`").into()),
     };
     spec.frames = frames.unwrap_or(spec.frames);
+    require(laps.is_none() || spec.kind == SceneKind::Room, || {
+        "--laps needs --kind room".into()
+    })?;
     spec.noise_px = noise_px.unwrap_or(spec.noise_px);
+    spec.carrier = carrier;
+    spec.calibration = calibration;
+    spec.frame_rate = frame_rate;
     spec.check().map_err(|error| error.to_string())?;
     let out = out.ok_or("scene needs --out SEQ")?;
     require(!out.as_os_str().is_empty(), || {
         "--out must not be empty".into()
     })?;
     Ok(Command::Scene { out, spec })
+}
+
+/// `R` or `1/R`.
+fn rate(text: &str) -> Result<FrameRate, lexopt::Error> {
+    let (multiple, divisor) = text.split_once('/').unwrap_or((text, "1"));
+    let number = |text: &str| text.trim().parse::<usize>().ok().filter(|&n| n > 0);
+    match (number(multiple), number(divisor)) {
+        (Some(multiple), Some(divisor)) => Ok(FrameRate { multiple, divisor }),
+        _ => Err(format!("--frame-rate takes R or 1/R, not `{text}`").into()),
+    }
 }
 
 fn board(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
@@ -152,6 +193,37 @@ mod tests {
                 spec
             }
         );
+        let line = "scene --out a --kind room --laps 3 --frame-rate 1/4 --curve-slip 0.2 --slip 0.03 --roll 0.01 \
+                    --pitch 0.02 --origin-ahead -0.5 --slope 0.1 --turn-bias 0.004 --wheel-radius -0.02 \
+                    --mount-yaw 0.005 --focal 0.006";
+        let spec = SceneSpec {
+            frame_rate: FrameRate {
+                multiple: 1,
+                divisor: 4,
+            },
+            carrier: Carrier {
+                curve_slip_s: 0.2,
+                slip_ratio: 0.03,
+                roll_rad: 0.01,
+                pitch_rad: 0.02,
+                origin_ahead_m: -0.5,
+                slope_rad: 0.1,
+                turn_bias_radps: 0.004,
+                wheel_radius_ratio: -0.02,
+            },
+            calibration: CalibrationError {
+                mount_yaw_rad: 0.005,
+                focal_ratio: 0.006,
+            },
+            ..SceneSpec::laps(1, 3)
+        };
+        assert_eq!(
+            read(line).unwrap(),
+            Command::Scene {
+                out: "a".into(),
+                spec
+            }
+        );
         let mut board = BoardSetSpec::small(7, 5);
         board.image = (800, 600);
         board.look.noise = 2.5;
@@ -175,6 +247,10 @@ mod tests {
             ("scene --out x --frames 1", "1"),
             ("scene --out x --seed -3", "-3"),
             ("scene --out x --noise-px", "--noise-px"),
+            ("scene --out x --laps 2", "--laps"),
+            ("scene --out x --frame-rate 0", "--frame-rate"),
+            ("scene --out x --slope 3", "slope"),
+            ("scene --out x --focal nan", "focal"),
             ("board", "--out"),
             ("board --out b --count 0", "--count"),
             ("board --out b --width 20", "--width"),

@@ -41,11 +41,40 @@ pub(crate) fn body_from_camera() -> Isometry3<f64> {
     )
 }
 
-/// Pose of the camera in the world for a planar pose of the body.
-pub(crate) fn world_from_camera(body: &Se2) -> Isometry3<f64> {
+/// Height and tilt of the body above its planar pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Attitude {
+    /// Height of the body origin, metres.
+    pub(crate) height_m: f64,
+    /// Turn about the body's forward axis, radians; positive lifts the left side.
+    pub(crate) roll_rad: f64,
+    /// Turn about the body's left axis, radians; positive lowers the nose.
+    pub(crate) pitch_rad: f64,
+}
+
+#[cfg(test)]
+impl Attitude {
+    /// On the floor, upright.
+    pub(crate) const LEVEL: Self = Self {
+        height_m: 0.0,
+        roll_rad: 0.0,
+        pitch_rad: 0.0,
+    };
+}
+
+/// Pose of the camera in the world for a planar pose of the body and its attitude.
+///
+/// The body's rotation is heading, then pitch, then roll: `Rz(phi) Ry(pitch) Rx(roll)`.
+pub(crate) fn world_from_camera(body: &Se2, attitude: &Attitude) -> Isometry3<f64> {
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), body.phi);
+    let rotation = if attitude.roll_rad == 0.0 && attitude.pitch_rad == 0.0 {
+        heading
+    } else {
+        heading * UnitQuaternion::from_euler_angles(attitude.roll_rad, attitude.pitch_rad, 0.0)
+    };
     let world_from_body = Isometry3::from_parts(
-        Translation3::new(body.x, body.y, 0.0),
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), body.phi),
+        Translation3::new(body.x, body.y, attitude.height_m),
+        rotation,
     );
     world_from_body * body_from_camera()
 }
@@ -79,7 +108,8 @@ mod tests {
         };
         let [x, y, z] = POSITION_IN_BODY;
         let point = Point3::new(x + 0.5, y + 2.0, z + 0.25);
-        let [u, v] = project(&(world_from_camera(&body).inverse() * point)).unwrap();
+        let [u, v] =
+            project(&(world_from_camera(&body, &Attitude::LEVEL).inverse() * point)).unwrap();
         assert!((u - (CX + FX * 0.25)).abs() < 1e-9, "{u}");
         assert!((v - (CY - FY * 0.125)).abs() < 1e-9, "{v}");
     }
@@ -91,9 +121,35 @@ mod tests {
             y: -1.0,
             phi: 0.7,
         };
-        let forward = world_from_camera(&body) * Vector3::z();
+        let forward = world_from_camera(&body, &Attitude::LEVEL) * Vector3::z();
         let left = Vector3::new(-(0.7_f64.sin()), 0.7_f64.cos(), 0.0);
         assert!((forward - left).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_body_that_lifts_its_left_side_looks_up_and_one_that_lifts_its_nose_moves_the_camera_back()
+    {
+        let body = Se2 {
+            x: 0.0,
+            y: 0.0,
+            phi: 0.0,
+        };
+        let at = |roll_rad, pitch_rad| {
+            let attitude = Attitude {
+                height_m: 0.2,
+                roll_rad,
+                pitch_rad,
+            };
+            world_from_camera(&body, &attitude)
+        };
+        // Left side up: the camera looks up by the same angle.
+        let forward = at(0.01, 0.0) * Vector3::z();
+        assert!((forward - Vector3::new(0.0, 0.01_f64.cos(), 0.01_f64.sin())).norm() < 1e-12);
+        // Nose up: the camera, 0.9 m above the floor, goes back by 0.9 m times the angle.
+        let level = at(0.0, 0.0).translation.vector;
+        let back = at(0.0, -0.01).translation.vector - level;
+        assert!((level.z - 1.1).abs() < 1e-12);
+        assert!((back.x + 0.9 * 0.01).abs() < 1e-4 && back.z > 0.0, "{back}");
     }
 
     #[test]

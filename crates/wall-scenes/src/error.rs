@@ -26,6 +26,18 @@ pub enum SceneError {
         /// The largest level allowed.
         most: f64,
     },
+    /// A number outside its range, or not a number.
+    #[error("{name} {given}, required: {low} to {high}")]
+    OutOfRange {
+        /// The number's name.
+        name: &'static str,
+        /// The value given.
+        given: f64,
+        /// The smallest value allowed.
+        low: f64,
+        /// The largest value allowed.
+        high: f64,
+    },
     /// The folder already holds a sequence.
     #[error("{} already holds a sequence, required: a folder without images", .0.display())]
     Occupied(PathBuf),

@@ -5,13 +5,13 @@
 //! world) and `scene.json`, from which [`Scene::read`] builds the same scene again.
 //! Each file is written under a temporary name and renamed.
 
-use crate::camera::{CX, CY, FX, FY, HEIGHT, POSITION_IN_BODY, ROTATION_BODY_FROM_CAMERA, WIDTH};
+use crate::camera::{CX, CY, HEIGHT, POSITION_IN_BODY, WIDTH};
 use crate::error::SceneError;
 use crate::files::{create_folder, read_file, write_file};
 use crate::image::CompressionType;
+use crate::odometry::OdometryRow;
 use crate::scene::Scene;
 use crate::spec::SceneSpec;
-use crate::trajectory::OdometryRow;
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::Write as _;
@@ -29,20 +29,18 @@ impl Scene {
         }
         create_folder(&images)?;
         let skins = self.skins();
-        (0..self.spec.frames)
-            .into_par_iter()
-            .try_for_each(|frame| {
-                let file = images.join(format!("{frame:06}.png"));
-                write_file(
-                    &file,
-                    &self
-                        .render(&skins, frame)
-                        .to_png(CompressionType::Default, &file)?,
-                )
-            })?;
+        (0..self.images()).into_par_iter().try_for_each(|frame| {
+            let file = images.join(format!("{frame:06}.png"));
+            write_file(
+                &file,
+                &self
+                    .render(&skins, frame)
+                    .to_png(CompressionType::Default, &file)?,
+            )
+        })?;
         for (name, text) in [
             ("times.txt", self.times()),
-            ("camera.toml", camera_toml()),
+            ("camera.toml", self.camera_toml()),
             ("odometry.csv", odometry_csv(self.odometry())),
             ("groundtruth_planar.csv", self.planar_truth()),
             ("groundtruth.txt", self.camera_truth()),
@@ -129,6 +127,23 @@ impl Scene {
         });
         format!("{value}\n")
     }
+
+    /// The stated calibration.
+    fn camera_toml(&self) -> String {
+        let (pinhole, mount) = self.stated_calibration();
+        let (fx, fy) = (pinhole.fx, pinhole.fy);
+        let axes = mount.body_from_camera.rotation.matrix();
+        let [r0, r1, r2] = [0, 1, 2].map(|row| [0, 1, 2].map(|column| axes[(row, column)]));
+        format!(
+            "# pixel (0,0) is the centre of the top-left pixel\n\
+             width = {WIDTH}\nheight = {HEIGHT}\nmodel = \"pinhole\"\n\
+             fx = {fx:?}\nfy = {fy:?}\ncx = {CX:?}\ncy = {CY:?}\n\n\
+             [mount]   # pose of the camera in the robot body; body axes x forward, y left, z up\n\
+             position_in_body = {POSITION_IN_BODY:?}   # metres\n\
+             # columns: camera x (right), y (down), z (forward) in body axes; it looks to the left\n\
+             rotation_body_from_camera = [{r0:?}, {r1:?}, {r2:?}]\n"
+        )
+    }
 }
 
 fn odometry_csv(rows: &[OdometryRow]) -> String {
@@ -141,17 +156,4 @@ fn odometry_csv(rows: &[OdometryRow]) -> String {
         );
     }
     text
-}
-
-fn camera_toml() -> String {
-    let [r0, r1, r2] = ROTATION_BODY_FROM_CAMERA;
-    format!(
-        "# pixel (0,0) is the centre of the top-left pixel\n\
-         width = {WIDTH}\nheight = {HEIGHT}\nmodel = \"pinhole\"\n\
-         fx = {FX:?}\nfy = {FY:?}\ncx = {CX:?}\ncy = {CY:?}\n\n\
-         [mount]   # pose of the camera in the robot body; body axes x forward, y left, z up\n\
-         position_in_body = {POSITION_IN_BODY:?}   # metres\n\
-         # columns: camera x (right), y (down), z (forward) in body axes; it looks to the left\n\
-         rotation_body_from_camera = [{r0:?}, {r1:?}, {r2:?}]\n"
-    )
 }

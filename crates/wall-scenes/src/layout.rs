@@ -1,11 +1,11 @@
 //! The two experiments laid out: the course of the robot, and the walls around it.
 
+use crate::course::Course;
 use crate::furnish::{WALL_HEIGHT_M, WallFrame};
 use crate::skin::kind::Skin;
 use crate::skin::paint::Paint;
 use crate::spec::{SceneKind, SceneSpec};
 use crate::stream::{Purpose, stream};
-use crate::trajectory::Course;
 use crate::world::World;
 use nalgebra::{Point3, Vector3};
 
@@ -13,6 +13,8 @@ use nalgebra::{Point3, Vector3};
 const WALL_DISTANCE_M: f64 = 2.0;
 /// Metres a frame in the wall scene.
 const WALL_STEP_M: f64 = 0.1;
+/// Metres after which the slope of the wall scene's floor comes again.
+const WALL_WAVE_M: f64 = 4.0;
 /// Inner size of the room along x and y, metres.
 const ROOM_SIZE_M: [f64; 2] = [6.0, 5.0];
 /// Distance from the room loop to the walls, metres.
@@ -25,10 +27,12 @@ pub(crate) fn course(spec: &SceneSpec) -> Course {
     match spec.kind {
         SceneKind::Wall => Course::Straight {
             step_m: WALL_STEP_M,
+            wave_m: WALL_WAVE_M,
         },
         SceneKind::Room => Course::Loop {
             long_m: ROOM_SIZE_M[0] - 2.0 * ROOM_INSET_M,
             short_m: ROOM_SIZE_M[1] - 2.0 * ROOM_INSET_M,
+            laps: spec.laps,
             overlap: ROOM_OVERLAP,
         },
     }

@@ -35,7 +35,10 @@
 //! Camera axes: x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
 
 mod board;
+mod calibration;
 mod camera;
+mod carrier;
+mod course;
 mod error;
 mod facet;
 mod files;
@@ -43,22 +46,28 @@ mod folder;
 mod furnish;
 mod image;
 mod layout;
+mod odometry;
 mod render;
 mod scene;
 mod screen;
 mod skin;
 mod spec;
 mod stream;
+mod timing;
 mod trajectory;
 mod world;
 
 pub use board::{Board, BoardRenderer, BoardSetSpec, Look, Picture, board_poses, write_board_set};
+pub use calibration::CalibrationError;
+pub use carrier::Carrier;
 pub use error::SceneError;
 pub use image::GreyImage;
+pub use odometry::{OdometryNoise, OdometryRow};
 pub use scene::Scene;
 pub use skin::paint::Skins;
 pub use spec::{SceneKind, SceneSpec};
-pub use trajectory::{FRAME_PERIOD_S, OdometryNoise, OdometryRow, ROWS_PER_FRAME, TruePath};
+pub use timing::{FRAME_PERIOD_S, FrameRate, ROWS_PER_FRAME};
+pub use trajectory::TruePath;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

@@ -61,7 +61,7 @@ impl Scene {
         let mut draw = || rng.random::<f64>();
         let (slow, fast) = (30.0 + 30.0 * draw(), 9.0 + 6.0 * draw());
         let (phase_slow, phase_fast) = (TAU * draw(), TAU * draw());
-        let t = TAU * frame as f64;
+        let t = TAU * self.spec.frame_rate.frames_at(frame);
         1.0 + 0.06 * (t / slow + phase_slow).sin() + 0.025 * (t / fast + phase_fast).sin()
     }
 

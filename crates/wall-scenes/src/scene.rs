@@ -2,16 +2,19 @@
 //!
 //! World axes: x forward along the first heading, y left, z up; the origin is the first body pose, on the floor.
 
+use crate::calibration::CalibrationError;
 use crate::camera;
 use crate::error::SceneError;
 use crate::layout::{course, furniture};
+use crate::odometry::{OdometryRow, report};
 use crate::skin::paint::{Skins, paint_facets};
 use crate::spec::SceneSpec;
 use crate::stream::{Purpose, stream};
-use crate::trajectory::{OdometryRow, TruePath};
+use crate::timing::{FRAME_PERIOD_S, ROWS_PER_FRAME};
+use crate::trajectory::{Drive, DriveStreams, TruePath};
 use crate::world::World;
-use mono_geometry::{Mount, Pinhole, Se3};
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3};
+use mono_geometry::{Mount, Pinhole};
+use nalgebra::{Isometry3, Point3};
 
 /// A built scene: geometry, the true path, the odometry. Skins are painted apart.
 #[derive(Debug, Clone)]
@@ -29,12 +32,27 @@ impl Scene {
     /// As [`SceneSpec::check`].
     pub fn new(spec: SceneSpec) -> Result<Self, SceneError> {
         spec.check()?;
+        let drive = Drive {
+            course: course(&spec),
+            frames: spec.frames,
+            rate: spec.frame_rate,
+            carrier: spec.carrier,
+        };
+        let stream = |purpose| stream(spec.seed, purpose, 0);
         let path = TruePath::drive(
-            course(&spec),
-            spec.frames,
-            &mut stream(spec.seed, Purpose::Path, 0),
+            &drive,
+            &mut DriveStreams {
+                steering: stream(Purpose::Path),
+                slip: stream(Purpose::Slip),
+                sway: stream(Purpose::Sway),
+            },
         );
-        let odometry = path.odometry(&spec.odometry, &mut stream(spec.seed, Purpose::Odometry, 0));
+        let odometry = report(
+            &path.controls,
+            &spec.odometry,
+            &spec.carrier,
+            &mut stream(Purpose::Odometry),
+        );
         let world = furniture(&spec);
         Ok(Self {
             spec,
@@ -64,30 +82,50 @@ impl Scene {
         &self.odometry
     }
 
-    /// The camera of all scenes: Table I of the paper, without distortion.
+    /// The true camera of all scenes: Table I of the paper, without distortion.
     #[must_use]
     pub fn pinhole() -> Pinhole {
-        Pinhole {
-            width: camera::WIDTH,
-            height: camera::HEIGHT,
-            fx: camera::FX,
-            fy: camera::FY,
-            cx: camera::CX,
-            cy: camera::CY,
-        }
+        CalibrationError::default().pinhole()
     }
 
-    /// The pose of the camera in the body, which looks to the left.
+    /// The true pose of the camera in the body, which looks to the left.
     #[must_use]
     pub fn mount() -> Mount {
-        let rows = camera::ROTATION_BODY_FROM_CAMERA;
-        let axes = Matrix3::from_fn(|r, c| rows[r][c]);
-        Mount {
-            body_from_camera: Se3::new(
-                Rotation3::from_matrix_unchecked(axes),
-                camera::POSITION_IN_BODY.into(),
-            ),
-        }
+        CalibrationError::default().mount()
+    }
+
+    /// Camera and mount as the sequence's `camera.toml` states them, with the errors of the specification.
+    #[must_use]
+    pub fn stated_calibration(&self) -> (Pinhole, Mount) {
+        let calibration = &self.spec.calibration;
+        (calibration.pinhole(), calibration.mount())
+    }
+
+    /// The odometry between an image and the one before it as (seconds, row), rows clipped to the interval; nothing
+    /// before the first.
+    ///
+    /// # Panics
+    /// When `image` is beyond the drive.
+    pub fn odometry_before(&self, image: usize) -> Vec<(f64, OdometryRow)> {
+        let Some(previous) = image.checked_sub(1) else {
+            return Vec::new();
+        };
+        let rate = self.spec.frame_rate;
+        let (first, first_share) = rate.row(previous);
+        let (last, last_share) = rate.row(image);
+        let row_s = FRAME_PERIOD_S / ROWS_PER_FRAME as f64;
+        (first..=last)
+            .filter_map(|row| {
+                let from = if row == first { first_share } else { 0.0 };
+                let to = if row == last { last_share } else { 1.0 };
+                (to > from).then(|| ((to - from) * row_s, self.odometry[row]))
+            })
+            .collect()
+    }
+
+    /// Number of images.
+    pub fn images(&self) -> usize {
+        self.path.poses.len()
     }
 
     /// True camera pose of a frame.
@@ -95,7 +133,7 @@ impl Scene {
     /// # Panics
     /// When `frame` is not below the number of frames.
     pub fn world_from_camera(&self, frame: usize) -> Isometry3<f64> {
-        camera::world_from_camera(&self.path.poses[frame])
+        camera::world_from_camera(&self.path.poses[frame], &self.path.attitudes[frame])
     }
 
     /// Depth (camera z, metres) of the surface seen at a pixel position of a frame;

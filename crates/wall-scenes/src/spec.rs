@@ -1,7 +1,10 @@
 //! The specification of a sequence: the experiment, its seed, its length and its noise.
 
+use crate::calibration::CalibrationError;
+use crate::carrier::Carrier;
 use crate::error::SceneError;
-use crate::trajectory::OdometryNoise;
+use crate::odometry::OdometryNoise;
+use crate::timing::FrameRate;
 use serde::{Deserialize, Serialize};
 
 /// Largest number of frames of one sequence.
@@ -26,12 +29,36 @@ pub struct SceneSpec {
     pub kind: SceneKind,
     /// Seed of geometry, skins, steering and noise.
     pub seed: u64,
-    /// Number of images, 2 to 5000.
+    /// Frames of half a second, 2 to 5000: the length of the drive, and the number of images at frame rate one.
     pub frames: usize,
     /// Standard deviation of the pixel noise at mid grey, in grey levels.
     pub noise_px: f64,
     /// Errors of the wheel odometry.
     pub odometry: OdometryNoise,
+    /// Rounds of the room; the wall has none.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub laps: usize,
+    /// Images per frame.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub frame_rate: FrameRate,
+    /// Departures of the robot from its wheels.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub carrier: Carrier,
+    /// Errors of the stated calibration.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub calibration: CalibrationError,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(laps: &usize) -> bool {
+    *laps == 1
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl SceneSpec {
@@ -43,6 +70,10 @@ impl SceneSpec {
             frames: 38,
             noise_px: 2.0,
             odometry: OdometryNoise::PAPER,
+            laps: 1,
+            frame_rate: FrameRate::ONE,
+            carrier: Carrier::IDEAL,
+            calibration: CalibrationError::default(),
         }
     }
 
@@ -55,14 +86,56 @@ impl SceneSpec {
         }
     }
 
+    /// The room run driven `laps` times at the same speed.
+    pub fn laps(seed: u64, laps: usize) -> Self {
+        Self {
+            laps,
+            frames: 15 + 171 * laps,
+            ..Self::room(seed)
+        }
+    }
+
     /// Whether a scene can be built.
     ///
     /// # Errors
-    /// Too few or too many frames, or a noise that is negative or not finite.
+    /// Too few or too many frames or images, or a number that is out of its range or not finite.
     pub fn check(&self) -> Result<(), SceneError> {
         if !(2..=MOST_FRAMES).contains(&self.frames) {
             return Err(SceneError::Frames {
                 given: self.frames,
+                most: MOST_FRAMES,
+            });
+        }
+        let rate = self.frame_rate;
+        let (carrier, calibration) = (self.carrier, self.calibration);
+        for (name, given, low, high) in [
+            ("laps", self.laps as f64, 1.0, 20.0),
+            ("frame rate multiple", rate.multiple as f64, 1.0, 16.0),
+            ("frame rate divisor", rate.divisor as f64, 1.0, 16.0),
+            ("slip in curves", carrier.curve_slip_s, 0.0, 1.0),
+            ("slip ratio", carrier.slip_ratio, 0.0, 0.5),
+            ("roll", carrier.roll_rad, 0.0, 0.1),
+            ("pitch", carrier.pitch_rad, 0.0, 0.1),
+            ("origin ahead", carrier.origin_ahead_m, -0.8, 0.8),
+            ("slope", carrier.slope_rad, -0.2, 0.2),
+            ("turn bias", carrier.turn_bias_radps, -0.5, 0.5),
+            ("wheel radius error", carrier.wheel_radius_ratio, -0.5, 0.5),
+            ("mount yaw error", calibration.mount_yaw_rad, -0.2, 0.2),
+            ("focal error", calibration.focal_ratio, -0.2, 0.2),
+        ] {
+            if !(low..=high).contains(&given) {
+                return Err(SceneError::OutOfRange {
+                    name,
+                    given,
+                    low,
+                    high,
+                });
+            }
+        }
+        let images = rate.images(self.frames);
+        if !(2..=MOST_FRAMES).contains(&images) {
+            return Err(SceneError::Frames {
+                given: images,
                 most: MOST_FRAMES,
             });
         }

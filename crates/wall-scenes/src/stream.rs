@@ -15,6 +15,8 @@ pub(crate) enum Purpose {
     Odometry = 5,
     Exposure = 6,
     Sensor = 7,
+    Slip = 8,
+    Sway = 9,
 }
 
 /// The stream of one (seed, purpose, index).

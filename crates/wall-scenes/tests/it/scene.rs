@@ -1,7 +1,7 @@
 //! Scenes: truth that agrees with the images, and determinism.
 
 use nalgebra::Point3;
-use wall_scenes::{Scene, SceneKind, SceneSpec};
+use wall_scenes::{CalibrationError, Carrier, FrameRate, Scene, SceneKind, SceneSpec};
 
 /// Fewer frames than the real thing, so that debug tests stay short.
 fn small(kind: SceneKind, seed: u64) -> Scene {
@@ -117,6 +117,72 @@ fn more_frames_leave_the_path_of_the_first_ones_alone() {
 }
 
 #[test]
+fn odometry_between_images_is_whole_at_every_frame_rate() {
+    for (multiple, divisor) in [(1, 1), (8, 1), (3, 2), (1, 4)] {
+        let spec = SceneSpec {
+            frames: 9,
+            frame_rate: FrameRate { multiple, divisor },
+            ..SceneSpec::wall(5)
+        };
+        let scene = Scene::new(spec).unwrap();
+        assert!(scene.odometry_before(0).is_empty());
+        let times = &scene.path().times_s;
+        let (mut driven, mut now) = (0.0, 0.0);
+        for image in 1..scene.images() {
+            for (duration_s, row) in scene.odometry_before(image) {
+                // The row that holds at this time: it began at or before it and has not ended.
+                assert!(row.t_s < now + 1e-9 && now + duration_s < row.t_s + 0.1 + 1e-9);
+                driven += duration_s * row.v_mps;
+                now += duration_s;
+            }
+            assert!((now - times[image]).abs() < 1e-9);
+        }
+        let all: f64 = scene.odometry().iter().map(|row| 0.1 * row.v_mps).sum();
+        if divisor == 1 {
+            assert!((driven - all).abs() < 1e-9, "{driven} {all}");
+        }
+    }
+}
+
+#[test]
+fn the_body_of_an_offset_robot_is_where_its_files_say() {
+    let spec = SceneSpec {
+        frames: 3,
+        carrier: Carrier {
+            origin_ahead_m: 0.4,
+            roll_rad: 0.01,
+            slope_rad: 0.05,
+            ..Carrier::IDEAL
+        },
+        calibration: CalibrationError {
+            mount_yaw_rad: 0.005,
+            focal_ratio: 0.005,
+        },
+        ..SceneSpec::wall(8)
+    };
+    let folder = std::env::temp_dir().join(format!("scene-offset-{}", std::process::id()));
+    let scene = Scene::new(spec).unwrap();
+    scene.write(&folder).unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    let (planar, camera) = (read("groundtruth_planar.csv"), read("camera.toml"));
+    let again = Scene::read(&folder.join("scene.json")).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(again.spec(), scene.spec());
+    assert!(planar.contains("\n0,0.000000,0.000000000,0.000000000,0.000000000\n"));
+    let last = scene.path().poses[2];
+    assert!(planar.contains(&format!(
+        "2,1.000000,{:.9},{:.9},{:.9}",
+        last.x, last.y, last.phi
+    )));
+    // Table I times 1.005, and the sine of the yaw in the mount.
+    assert!(camera.contains("fx = 370.67033"), "{camera}");
+    assert!(camera.contains("[0.00499997916"), "{camera}");
+    // The images are those of the true camera, which the body carries at a height that the slope gives.
+    let mount = Scene::mount().body_from_camera.translation;
+    assert!(scene.world_from_camera(2).translation.z > mount.z);
+}
+
+#[test]
 fn a_written_scene_reads_back_as_itself() {
     let folder = std::env::temp_dir().join(format!("scene-round-trip-{}", std::process::id()));
     let scene = Scene::new(SceneSpec {
@@ -155,6 +221,10 @@ fn impossible_scenes_are_refused_with_the_number_given() {
         SceneSpec {
             noise_px: -1.0,
             ..SceneSpec::wall(0)
+        },
+        SceneSpec {
+            laps: 21,
+            ..SceneSpec::room(0)
         },
     ] {
         let message = Scene::new(spec).unwrap_err().to_string();
