@@ -11,12 +11,14 @@ synth-eval [OPTIONS]
       compare the filters on rendered scenes and recorded sequences; results and tables go to DIR
   --quick               3 seeds and the five most telling estimators (without: 8 seeds, all)
   --scene NAME          a rendered scene, see below; may be repeated (wall)
+  --points              keypoints of the scenes are simulated, without images: hundreds of seeds in minutes
   --sequence SEQ        a recorded sequence with a reference path; may be repeated
   --seeds N|A-B         seeds 1 to N, or A to B
   --frames N            frames of the rendered scenes
   --method M:PARTICLES  dead-reckoning, conventional:100, paper:50, exact:50; may be repeated
   --default-config      the shipped configuration (without: it is told the exact odometry noise of rendered scenes)
   --config FILE         this configuration
+  --no-batch            without the batch solution over the associations of each run, the limit of the tables
   --shard I/N           do the I-th of N parts
   --compare OLD.jsonl   print what got worse beyond its bootstrap interval; exit code 3 if anything did
   --out DIR             the folder (out/synth-eval)
@@ -57,6 +59,7 @@ pub(crate) fn parse(
 ) -> Result<Command, lexopt::Error> {
     let mut parser = lexopt::Parser::from_args(arguments);
     let mut options = Options {
+        batch: true,
         out: PathBuf::from("out/synth-eval"),
         ..Options::default()
     };
@@ -65,11 +68,13 @@ pub(crate) fn parse(
         match argument {
             Long("quick") => options.quick = true,
             Long("scene") => options.scenes.push(parser.value()?.string()?),
+            Long("points") => options.points = true,
             Long("sequence") => options.sequences.push(parser.value()?.into()),
             Long("seeds") => options.seeds = Some(seeds(&parser.value()?.string()?)?),
             Long("frames") => options.frames = Some(parser.value()?.parse()?),
             Long("method") => options.methods.push(parser.value()?.string()?),
             Long("default-config") => options.default_config = true,
+            Long("no-batch") => options.batch = false,
             Long("config") => options.config = Some(parser.value()?.into()),
             Long("shard") => options.shard = Some(shard(&parser.value()?.string()?)?),
             Long("compare") => options.compare = Some(parser.value()?.into()),
@@ -131,21 +136,24 @@ mod tests {
     #[test]
     fn every_flag_reaches_the_options() {
         let default = Options {
+            batch: true,
             out: "out/synth-eval".into(),
             ..Options::default()
         };
         assert_eq!(read("").unwrap(), Command::Run(Box::new(default)));
-        let line = "--quick --scene wall --scene room --sequence a/b --seeds 4-9 --frames 12 --method exact:5 \
-                    --default-config --shard 2/3 --compare old.jsonl --out r";
+        let line = "--quick --scene wall --scene room --points --sequence a/b --seeds 4-9 --frames 12 --method exact:5 \
+                    --default-config --no-batch --shard 2/3 --compare old.jsonl --out r";
         let options = Options {
             quick: true,
             scenes: vec!["wall".into(), "room".into()],
+            points: true,
             sequences: vec!["a/b".into()],
             frames: Some(12),
             seeds: Some((4, 9)),
             methods: vec!["exact:5".into()],
             default_config: true,
             config: None,
+            batch: false,
             shard: Some((2, 3)),
             out: "r".into(),
             compare: Some("old.jsonl".into()),

@@ -35,7 +35,7 @@ pub fn figures(options: &Options, progress: &(dyn Fn(&str) + Sync)) -> anyhow::R
     let recording = plan.batches[0].source.record(&plan.settings)?;
     let trials = FULL
         .iter()
-        .map(|&estimator| trial::run(estimator, &recording, 1, &plan.settings))
+        .map(|&estimator| trial::run(estimator, &recording, 1, &plan.settings, false))
         .collect::<anyhow::Result<Vec<_>>>()?;
     write_file(
         &options.out.join("figure7_map.svg"),

@@ -20,10 +20,12 @@
 mod estimator;
 mod figures;
 mod jobs;
+mod limit;
 mod measures;
 mod noise;
 mod options;
 mod plan;
+mod points;
 mod progress;
 mod recording;
 mod regression;

@@ -9,6 +9,8 @@ pub struct Options {
     pub quick: bool,
     /// Names of scenes; the wall when there is neither a scene nor a sequence.
     pub scenes: Vec<String>,
+    /// The scenes' keypoints are simulated from points on their surfaces, without images.
+    pub points: bool,
     /// Folders of recorded sequences.
     pub sequences: Vec<PathBuf>,
     /// Frames of the scenes; none for what each scene has.
@@ -21,6 +23,8 @@ pub struct Options {
     pub default_config: bool,
     /// The filters run this configuration file.
     pub config: Option<PathBuf>,
+    /// The batch solution over the associations of each run is computed as its limit.
+    pub batch: bool,
     /// This part of how many parts of the work is done.
     pub shard: Option<(u32, u32)>,
     /// Folder of the results; created.

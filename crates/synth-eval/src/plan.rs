@@ -4,7 +4,7 @@ use crate::estimator::{Estimator, FULL, QUICK};
 use crate::recording::Recording;
 use crate::scene_name::scene;
 use crate::settings::Settings;
-use crate::{Options, sequence};
+use crate::{Options, points, sequence};
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use wall_scenes::SceneSpec;
@@ -21,6 +21,13 @@ const MOST_SEEDS: u64 = 10_000;
 pub(crate) enum Source {
     /// A scene to render.
     Rendered {
+        /// Name of the scene.
+        name: String,
+        /// The scene.
+        spec: SceneSpec,
+    },
+    /// A scene whose keypoints are simulated.
+    Points {
         /// Name of the scene.
         name: String,
         /// The scene.
@@ -48,6 +55,8 @@ pub(crate) struct Plan {
     pub(crate) estimators: Vec<Estimator>,
     /// The configuration they share.
     pub(crate) settings: Settings,
+    /// Whether the batch solution of every run is computed.
+    pub(crate) batch: bool,
 }
 
 impl Source {
@@ -59,6 +68,7 @@ impl Source {
         let config = settings.of_detection();
         match self {
             Self::Rendered { name, spec } => Recording::rendered(name, *spec, &config),
+            Self::Points { name, spec } => points::simulate(name, *spec),
             Self::Folder(folder) => sequence::read(folder, &config),
         }
     }
@@ -66,7 +76,7 @@ impl Source {
     /// Frames of a scene; a guess for a folder, which is not opened for it.
     pub(crate) fn frames(&self) -> usize {
         match self {
-            Self::Rendered { spec, .. } => {
+            Self::Rendered { spec, .. } | Self::Points { spec, .. } => {
                 spec.frames * spec.frame_rate.multiple / spec.frame_rate.divisor
             }
             Self::Folder(_) => 200,
@@ -121,9 +131,11 @@ impl Plan {
                 let mut spec = scene(name, seed)?;
                 spec.frames = options.frames.unwrap_or(spec.frames);
                 spec.check().with_context(|| format!("scene {name}"))?;
-                let source = Source::Rendered {
-                    name: name.clone(),
-                    spec,
+                let name = name.clone();
+                let source = if options.points {
+                    Source::Points { name, spec }
+                } else {
+                    Source::Rendered { name, spec }
                 };
                 units.push((source, seed));
             }
@@ -151,6 +163,7 @@ impl Plan {
             batches,
             estimators,
             settings,
+            batch: options.batch,
         })
     }
 }

@@ -45,6 +45,8 @@ pub(crate) struct Recording {
 pub(crate) enum Surface {
     /// A scene that knows the point behind every pixel.
     Scene(Box<Scene>),
+    /// The points that the keypoints of each frame belong to.
+    Points(Vec<Vec<Option<Point3<f64>>>>),
     /// Nothing is known.
     Unknown,
 }
@@ -103,6 +105,7 @@ impl Recording {
                 let keypoint = &self.features[frame].keypoints[index];
                 scene.point_at(frame, f64::from(keypoint.x), f64::from(keypoint.y))
             }
+            Surface::Points(points) => points[frame][index],
             Surface::Unknown => None,
         }
     }

@@ -3,6 +3,7 @@
 //! Equal inputs give equal bytes: no time and nothing of the machine is in a row. Times have lines of their own.
 
 use crate::estimator::{family_of, family_rank};
+use crate::limit::Limit;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -58,6 +59,9 @@ pub(crate) struct Row {
     pub(crate) resamplings: usize,
     /// Mean matches used in a frame.
     pub(crate) matches: f64,
+    /// The batch solution over the associations of this run; none where it was not asked for or not found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) batch: Option<Limit>,
 }
 
 /// One line of `times.jsonl`: what a row must not hold.
@@ -174,6 +178,7 @@ pub(crate) mod examples {
             n_eff: None,
             resamplings: 4,
             matches: 0.0,
+            batch: None,
         }
     }
 }

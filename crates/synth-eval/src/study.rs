@@ -114,7 +114,13 @@ fn trials(plan: &Plan, tell: &(dyn Fn(&str) + Sync)) -> anyhow::Result<(Vec<Row>
         |job| {
             let &(batch, seed, estimator) = job;
             let trial = shelf.lend(batch, |recording| {
-                trial::run(plan.estimators[estimator], recording, seed, &plan.settings)
+                trial::run(
+                    plan.estimators[estimator],
+                    recording,
+                    seed,
+                    &plan.settings,
+                    plan.batch,
+                )
             })?;
             progress.finished(
                 cost(job),

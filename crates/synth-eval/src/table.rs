@@ -37,6 +37,35 @@ const COLUMNS: &[Column] = &[
         cell: |rows| short(rows, 1e3, |row| Some(row.claimed_position_m)),
     },
     Column {
+        title: "batch mm",
+        cell: |rows| short(rows, 1e3, |row| Some(row.batch?.position_rmse_m)),
+    },
+    Column {
+        title: "of the batch",
+        cell: |rows| {
+            ratio(rows, |row| {
+                Some((row.position_rmse_m, row.batch?.position_rmse_m))
+            })
+        },
+    },
+    Column {
+        title: "freed, of the batch",
+        cell: |rows| {
+            ratio(rows, |row| {
+                let freed = row.position_rmse_heading_freed_m?;
+                Some((freed, row.batch?.position_rmse_heading_freed_m?))
+            })
+        },
+    },
+    Column {
+        title: "heading, of the batch",
+        cell: |rows| {
+            ratio(rows, |row| {
+                Some((row.heading_rmse_rad, row.batch?.heading_rmse_rad))
+            })
+        },
+    },
+    Column {
         title: "final mm",
         cell: |rows| short(rows, 1e3, |row| Some(row.final_error_m)),
     },
@@ -118,7 +147,8 @@ pub(crate) fn markdown(rows: &[Row]) -> String {
          interval of the mean. No alignment, except where the heading is freed (one turn about the start). Claimed is the \
          root mean square of the standard deviation the filter states. Landmark errors are taken to the surface point the \
          last sighting really saw. NEES has 3 degrees of freedom and is the mean over the frames; a frame is in the band \
-         when its NEES is below 7.81, which 95 % of an honest filter's frames are.\n",
+         when its NEES is below 7.81, which 95 % of an honest filter's frames are. The batch is the maximum a posteriori \
+         solution over the very associations of the same run; ratios are of the means over the seeds.\n",
     );
     text
 }
@@ -200,6 +230,20 @@ fn short(rows: &[&Row], factor: f64, of: impl Fn(&Row) -> Option<f64>) -> String
     mean_of(rows, of).map_or(String::new(), |v| number(v.mean * factor))
 }
 
+/// The mean of a measure as a multiple of the mean of the batch, over the rows that have one.
+fn ratio(rows: &[&Row], of: impl Fn(&Row) -> Option<(f64, f64)>) -> String {
+    let (mut ours, mut batch) = (0.0, 0.0);
+    for (error, limit) in rows.iter().filter_map(|row| of(row)) {
+        ours += error;
+        batch += limit;
+    }
+    if batch > 0.0 {
+        format!("{:.2} x", ours / batch)
+    } else {
+        String::new()
+    }
+}
+
 /// Mean alone; nothing for dead reckoning.
 fn of_filter(rows: &[&Row], of: impl Fn(&Row) -> f64) -> String {
     short(rows, 1.0, |row| (row.particles > 0).then(|| of(row)))
@@ -228,6 +272,7 @@ fn number(value: f64) -> String {
 mod tests {
     use super::*;
     use crate::estimator::QUICK;
+    use crate::limit::Limit;
     use crate::row::examples::row;
 
     #[test]
@@ -242,12 +287,30 @@ mod tests {
         assert!(text.contains("## room, exact noise: 1 seeds"));
         // Opposite scale errors do not cancel: 10 %.
         assert!(
-            text.contains("| conventional 100 | 40.0 ± 28.3 [20.0, 60.0] | 20.0 | 10.0 | 0.00 |"),
+            text.contains(
+                "| conventional 100 | 40.0 ± 28.3 [20.0, 60.0] | 20.0 | 10.0 |  |  |  |  | 0.00 |"
+            ),
             "{text}"
         );
         assert!(text.contains("| 10.0 |  | 50.0 | 3.00 | 3.00 | 95.0 | 100, 90, 80 |"));
         // Dead reckoning has neither landmarks nor matches.
         assert!(text.contains("| dead reckoning | 500 ± 0.00 [500, 500] |"));
+    }
+
+    #[test]
+    fn the_batch_is_set_against_the_rows_that_have_one() {
+        let with = Row {
+            batch: Some(Limit {
+                position_rmse_m: 0.02,
+                position_rmse_heading_freed_m: None,
+                heading_rmse_rad: 0.0005,
+                nees: 3.0,
+                nees_inside: 1.0,
+            }),
+            ..row(1, QUICK[1], 0.03)
+        };
+        let text = markdown(&[with, row(2, QUICK[1], 0.5)]);
+        assert!(text.contains("| 20.0 | 1.50 x |  | 2.00 x |"), "{text}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! One estimator on one recording with one seed.
 
 use crate::estimator::{Estimator, Family};
+use crate::limit::{Limit, limit};
 use crate::measures::{heading_freed_rmse_m, honesty, landmark_errors, path_errors};
 use crate::recording::Recording;
 use crate::row::{Row, Times};
@@ -36,6 +37,7 @@ struct Track {
     resamplings: usize,
     matches: usize,
     frame_ms: Option<f64>,
+    batch: Option<Limit>,
 }
 
 /// Runs an estimator on a recording, on the current thread.
@@ -47,12 +49,13 @@ pub(crate) fn run(
     recording: &Recording,
     seed: u64,
     settings: &Settings,
+    batch: bool,
 ) -> anyhow::Result<Trial> {
     let mut config = settings.config(recording);
     estimator.configure(&mut config, seed);
     let track = match estimator.family {
         Family::DeadReckoning => dead_reckoning(&config, recording),
-        Family::Filter(_) => filter(&config, recording),
+        Family::Filter(_) => filter(&config, recording, batch),
     }
     .with_context(|| format!("{}, seed {seed}, {}", recording.name, estimator.label()))?;
     let row = row(estimator, recording, seed, settings, &track)?;
@@ -124,20 +127,25 @@ fn row(
         n_eff: Statistics::of(&track.n_eff).map(|s| s.mean),
         resamplings: track.resamplings,
         matches: track.matches as f64 / frames as f64,
+        batch: track.batch,
     })
 }
 
-fn filter(config: &Config, recording: &Recording) -> anyhow::Result<Track> {
+fn filter(config: &Config, recording: &Recording, batch: bool) -> anyhow::Result<Track> {
     let config = config.clone().check()?;
     let mut slam = Slam::new(recording.rig, &config)?;
     let start = Instant::now();
     let mut track = Track::default();
+    let mut sightings = slam_batch::Recording::default();
     for (frame, features) in recording.features.iter().enumerate() {
         let input = FrameInput {
             features,
             odometry: &recording.odometry[frame],
         };
         let report = slam.step(&input, &mut |_| {})?;
+        if batch {
+            sightings.push(features, &report, input.odometry);
+        }
         let pose = report.estimate.pose;
         track.poses.push(Se2::new(pose.x, pose.y, pose.phi));
         track.covariances.push(report.estimate.covariance);
@@ -149,6 +157,9 @@ fn filter(config: &Config, recording: &Recording) -> anyhow::Result<Track> {
     }
     track.frame_ms = Some(start.elapsed().as_secs_f64() * 1e3 / recording.features.len() as f64);
     track.landmarks = slam.landmarks();
+    if batch {
+        track.batch = limit(&sightings, &config, &slam.smoothed_path(), recording);
+    }
     Ok(track)
 }
 
@@ -191,7 +202,7 @@ mod tests {
             ..SceneSpec::wall(2)
         };
         let recording = Recording::rendered("wall", spec, &Config::default()).unwrap();
-        let run = |estimator| run(estimator, &recording, 2, &Settings::ExactNoise).unwrap();
+        let run = |estimator| run(estimator, &recording, 2, &Settings::ExactNoise, false).unwrap();
         let reckoned = run(DEAD_RECKONING).row;
         assert!(reckoned.position_rmse_m < 1e-9 && reckoned.scale_error.unwrap().abs() < 1e-9);
         assert_eq!((reckoned.landmarks, reckoned.landmark_rmse_m), (0, None));

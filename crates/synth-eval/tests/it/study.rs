@@ -6,7 +6,7 @@ use synth_eval::{Options, Outcome, merge, run};
 
 /// The command that writes the committed file anew when a change of the filter is meant.
 const AGAIN: &str = "cargo xtask synth-eval --scene wall --sequence fixtures/wall --seeds 2 --frames 6 \
-    --method dead-reckoning --method exact:10 --out out/golden, \
+    --method dead-reckoning --method exact:10 --no-batch --out out/golden, \
     then copy out/golden/results.jsonl to crates/synth-eval/tests/golden/results.jsonl";
 
 fn here() -> PathBuf {
