@@ -25,6 +25,7 @@
 
 pub mod calibrate;
 pub mod run;
+pub mod smooth;
 mod stopwatch;
 
 /// Compiles and runs the code of the README.

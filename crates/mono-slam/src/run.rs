@@ -2,17 +2,17 @@
 
 use mono_geometry::motion::exact_arc;
 use mono_geometry::{Camera, GeometryError, Se2};
+use slam_batch::Recording;
 use slam_io::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, Sequence, SequenceError, StageTimes,
     configuration,
 };
 use slam_pipeline::config::ValidConfig;
-use slam_pipeline::{
-    FrameInput, KeypointReport, OdometryInterval, Rig, Slam, SlamError, detector_of,
-};
+use slam_pipeline::{FrameInput, KeypointReport, Rig, Slam, SlamError, detector_of};
 use thiserror::Error;
 use vision_sift::{Features, GrayImage, SiftError, Workspace};
 
+use crate::smooth::{odometry_before, smoothed, track_rows};
 use crate::stopwatch::{Clock, Lap, StageClock};
 
 /// Frames kept for the picture strip.
@@ -79,10 +79,12 @@ fn run_in_pool(
     let detector = detector_of(config)?;
     let mut workspace = Workspace::new();
     let mut features = Features::default();
-    let mut slam = Slam::new(Rig { camera, mount }, config)?;
+    let rig = Rig { camera, mount };
+    let mut slam = Slam::new(rig, config)?;
     let count = sequence.images.len();
     let every = count.div_ceil(SNAPSHOTS).max(1);
     let started = clock();
+    let mut recording = Recording::default();
     let mut frames = Vec::with_capacity(count);
     let mut snapshots = Vec::new();
     let mut wheels = Se2::identity();
@@ -95,19 +97,7 @@ fn run_in_pool(
         let view = GrayImage::new(image.width, image.height, &image.pixels)?;
         detector.detect(&view, &mut workspace, &mut features)?;
         let features_ms = lap.lap_ms();
-        let odometry: Vec<OdometryInterval> = if index == 0 {
-            Vec::new()
-        } else {
-            sequence
-                .odometry_between(sequence.times_s[index - 1], sequence.times_s[index])
-                .into_iter()
-                .map(|(duration_s, v_mps, omega_radps)| OdometryInterval {
-                    duration_s,
-                    v_mps,
-                    omega_radps,
-                })
-                .collect()
-        };
+        let odometry = odometry_before(sequence, index);
         for o in &odometry {
             wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
         }
@@ -119,6 +109,7 @@ fn run_in_pool(
         let mut stages = StageClock::start(clock);
         let mut report = slam.step(&input, &mut stages)?;
         let stages = stages.stop();
+        recording.push(&features, &report, &odometry);
         let keypoints = std::mem::take(&mut report.keypoints);
         if index % every == 0 {
             snapshots.push(FrameSnapshot {
@@ -147,16 +138,14 @@ fn run_in_pool(
             },
         });
     }
-    let smoothed = sequence
-        .times_s
-        .iter()
-        .copied()
-        .zip(slam.smoothed_path())
-        .collect();
+    let (path, smoother) = smoothed(&recording, rig, config, slam.smoothed_path());
+    let smoothed = sequence.times_s.iter().copied().zip(path).collect();
     Ok(RunRecord {
         sequence: sequence.name.clone(),
         frames,
         smoothed,
+        smoother: Some(smoother),
+        tracks: track_rows(&recording),
         landmarks: slam.landmarks(),
         dead_reckoning,
         reference: sequence.reference.clone(),

@@ -3,7 +3,10 @@
 //! With c the camera centres in the unit of the map, s the metres per unit, R the headings, l the lever arm turned by the
 //! mount's yaw delta (l' = R(-delta) l: the state's heading is that of the nominal mount), and d, dphi the folded rows,
 //!
-//! > e = ( R_1^T (s (c_2 - c_1) - (R_2 - R_1) l') - R(-delta) d,  phi_2 - phi_1 - dphi ).
+//! > e = ( (R_1^T (s (c_2 - c_1) - (R_2 - R_1) l') - R(-delta) d) / (1 + w),  phi_2 - phi_1 - dphi ).
+//!
+//! The noise is that of the wheels' metres, hence the division by their scale. Without it a smaller world has smaller
+//! errors: with n motions w would be estimated about n times its prior variance too small.
 //!
 //! Its covariance is that of the odometer, as the filter uses it, with the same floors.
 
@@ -50,15 +53,16 @@ pub(crate) fn motion_error(
     let step = body_from_world * (to.centre - from.centre).xy();
     let swing = turned * lever - lever;
     let wheels = yaw * folded.displacement;
-    let along = step * scale - swing - wheels;
+    let wheel_scale = 1.0 + constants[Constant::WheelScale];
+    let along = (step * scale - swing - wheels) / wheel_scale;
 
     let mut by_from = Matrix3::zeros();
     let mut by_to = Matrix3::zeros();
-    set(&mut by_from, &(-body_from_world * scale));
-    set(&mut by_to, &(body_from_world * scale));
+    set(&mut by_from, &(-body_from_world * (scale / wheel_scale)));
+    set(&mut by_to, &(body_from_world * (scale / wheel_scale)));
     // R_1^T turns against the heading; the swing depends on the difference of the headings alone.
-    let swing_rate = turned * LEFT * lever;
-    let by_heading = -LEFT * step * scale + swing_rate;
+    let swing_rate = turned * LEFT * lever / wheel_scale;
+    let by_heading = -LEFT * step * (scale / wheel_scale) + swing_rate;
     by_from[(0, 2)] = by_heading.x;
     by_from[(1, 2)] = by_heading.y;
     by_from[(2, 2)] = -1.0;
@@ -70,11 +74,13 @@ pub(crate) fn motion_error(
     for (column, constant) in ROW_CONSTANTS.into_iter().enumerate() {
         let by = folded.by_constants.column(column);
         let moved = yaw * Vector2::new(by[0], by[1]);
-        put(&mut by_constants, constant, -moved, -by[2]);
+        put(&mut by_constants, constant, -moved / wheel_scale, -by[2]);
     }
-    let by_yaw = (turned - Matrix2::identity()) * LEFT * lever + LEFT * wheels;
+    let by_wheels = by_constants.column(Constant::WheelScale as usize).xy() - along / wheel_scale;
+    put(&mut by_constants, Constant::WheelScale, by_wheels, 0.0);
+    let by_yaw = ((turned - Matrix2::identity()) * LEFT * lever + LEFT * wheels) / wheel_scale;
     put(&mut by_constants, Constant::MountYaw, by_yaw, 0.0);
-    let by_lever = -(turned - Matrix2::identity()) * yaw;
+    let by_lever = -(turned - Matrix2::identity()) * yaw / wheel_scale;
     put(
         &mut by_constants,
         Constant::LeverX,
@@ -92,7 +98,7 @@ pub(crate) fn motion_error(
         error: Vector3::new(along.x, along.y, wrap(to.phi - from.phi - folded.turn)),
         by_from,
         by_to,
-        by_scale: Vector3::new(step.x, step.y, 0.0),
+        by_scale: Vector3::new(step.x, step.y, 0.0) / wheel_scale,
         by_constants,
     }
 }

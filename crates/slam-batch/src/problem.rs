@@ -54,6 +54,10 @@ pub struct Model {
     pub scale_sigma: f64,
     /// Drift of the metres per unit of the visual map, per square root of a metre; zero for a rigid map in metres.
     pub scale_drift: f64,
+    /// Standard deviation of a constant error of the wheels' scale, relative. It is not estimated, because no image tells
+    /// it: it widens the covariance of the positions. Where a lever arm may tell it, free [`Constant::WheelScale`]
+    /// instead.
+    pub scale_bias: f64,
     /// Nearest depth of a landmark that is plausible, metres.
     pub min_depth_m: f64,
     /// Standard deviations of the constants before the drive; zero fixes a constant.
@@ -87,9 +91,9 @@ impl Model {
             slope_sigma: on(config.carrier.slope_sigma),
             scale_sigma: on(config.carrier.scale_sigma),
             scale_drift: on(config.carrier.scale_drift),
+            scale_bias: config.odometry.scale_bias,
             min_depth_m: config.mapping.min_depth_m,
             constants: Constants::ZERO
-                .with(Constant::WheelScale, config.odometry.scale_bias)
                 .with(Constant::TurningCentre, TURNING_CENTRE_SIGMA_M)
                 .with(Constant::TurnRateBias, TURN_RATE_BIAS_SIGMA),
             max_iterations: 30,
@@ -162,6 +166,7 @@ impl Model {
             ("slope_sigma", self.slope_sigma),
             ("scale_sigma", self.scale_sigma),
             ("scale_drift", self.scale_drift),
+            ("scale_bias", self.scale_bias),
         ] {
             within(name, value, "finite and not negative", |v| v >= 0.0)?;
         }

@@ -280,14 +280,16 @@ fn metric_poses(
         }
         let world = rotation(yaw);
         let at = world * position;
+        let marginal = rows.marginal(
+            &world,
+            &position,
+            index_of(Constant::MountYaw),
+            layout.poses[k][HEADING],
+        );
+        let longer = Vector3::new(at.x, at.y, 0.0) * problem.model.scale_bias;
         poses.push(PoseEstimate {
             pose: Se2::new(start.x + at.x, start.y + at.y, pose.phi),
-            covariance: rows.marginal(
-                &world,
-                &position,
-                index_of(Constant::MountYaw),
-                layout.poses[k][HEADING],
-            ),
+            covariance: marginal + longer * longer.transpose(),
         });
     }
     poses

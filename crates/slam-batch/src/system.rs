@@ -199,12 +199,21 @@ impl Beliefs<'_> {
             }
         }
         if model.slope_sigma > 0.0 {
+            // A slope has no unit: the height is in the metres of the map, the distance in those of the wheels.
+            let wheel_scale = 1.0 + state.constants[Constant::WheelScale];
             let sigma = (model.slope_sigma * motion.distance_m).hypot(POSITION_FLOOR_M);
+            let (rise, scale) = (after.centre.z - before.centre.z, state.scales[to]);
+            let inverse = 1.0 / (sigma * wheel_scale);
             all.push((
-                (after.centre.z - before.centre.z) / sigma,
+                scale * rise * inverse,
                 [
-                    (to_index[HEIGHT], 1.0 / sigma),
-                    (from_index[HEIGHT], -1.0 / sigma),
+                    (to_index[HEIGHT], scale * inverse),
+                    (from_index[HEIGHT], -scale * inverse),
+                    (layout.scales[to], rise * inverse),
+                    (
+                        layout.constants[Constant::WheelScale as usize],
+                        -scale * rise * inverse / wheel_scale,
+                    ),
                 ]
                 .into_iter()
                 .filter(|(index, _)| *index != FIXED)
@@ -442,4 +451,111 @@ fn subtract(target: &mut [f64], z: [&[f64]; 3], factors: [f64; 3]) {
 /// Twice the cost of scalar residuals.
 pub(crate) fn squares(scalars: &[Scalar]) -> f64 {
     scalars.iter().map(|(r, _)| r * r).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::constants::Constants;
+    use crate::problem::{Keyframe, Problem};
+    use mono_geometry::{Camera, Distortion, Mount, Pinhole, Se2};
+    use slam_pipeline::config::Config;
+    use slam_pipeline::{Odometer, Rig};
+
+    fn problem() -> Problem {
+        let pinhole = Pinhole {
+            width: 320,
+            height: 240,
+            fx: 300.0,
+            fy: 300.0,
+            cx: 160.0,
+            cy: 120.0,
+        };
+        let lens = Distortion::KannalaBrandt {
+            k1: 0.01,
+            k2: 0.0,
+            k3: 0.0,
+            k4: 0.0,
+        };
+        let rows = vec![
+            OdometryInterval {
+                duration_s: 0.4,
+                v_mps: 0.5,
+                omega_radps: 0.3,
+            };
+            2
+        ];
+        let mut model = Model::of(&Config::default().check().unwrap());
+        for constant in Constant::ALL {
+            model.constants[constant] = 0.1;
+        }
+        Problem {
+            rig: Rig {
+                camera: Camera::new(pinhole, lens).unwrap(),
+                mount: Mount::new(
+                    Mount::forward().body_from_camera.rotation.matrix(),
+                    &Vector3::new(0.2, -0.1, 0.3),
+                )
+                .unwrap(),
+            },
+            keyframes: (0..4)
+                .map(|k| Keyframe {
+                    start: Se2::new(0.38 * f64::from(k), 0.05 * f64::from(k), 0.2 * f64::from(k)),
+                    motion: (k > 0).then(|| rows.clone()),
+                })
+                .collect(),
+            tracks: Vec::new(),
+            model,
+        }
+    }
+
+    #[test]
+    fn derivatives_of_all_beliefs_are_those_of_finite_differences() {
+        let problem = problem();
+        let layout = Layout::new(&problem);
+        let motions: Vec<Motion> = (1..4)
+            .map(|to| {
+                let rows = problem.keyframes[to].motion.clone().unwrap();
+                let mut odometer = Odometer::new(&problem.model.odometry);
+                for row in &rows {
+                    odometer.push(row).unwrap();
+                }
+                Motion::new(to, to == 1, rows, &odometer.control())
+            })
+            .collect();
+        let beliefs = Beliefs {
+            model: &problem.model,
+            motions: &motions,
+            starts: &[0],
+        };
+        let lever = problem.rig.mount.body_from_camera.translation.xy();
+        // Somewhere off the start, so that no derivative is zero by chance.
+        let off: Vec<f64> = (0..layout.size).map(|i| 0.02 * (i as f64).sin()).collect();
+        let state = State::start(&problem).moved(&layout, &off);
+        let at = |index: usize, h: f64| {
+            let mut step = vec![0.0; layout.size];
+            step[index] = h;
+            beliefs.residuals(&state.moved(&layout, &step), &layout, &lever)
+        };
+        let found = beliefs.residuals(&state, &layout, &lever);
+        // Motions of 3, tilts of 2, heights and scales of 1 each; 2 tilts at the start; the constants.
+        assert_eq!(found.len(), 3 * 7 + 2 + Constant::COUNT);
+        let h = 1e-6;
+        for index in 0..layout.size {
+            let (plus, minus) = (at(index, h), at(index, -h));
+            for (row, (_, columns)) in found.iter().enumerate() {
+                let by: f64 = columns
+                    .iter()
+                    .filter(|(column, _)| *column == index)
+                    .map(|(_, by)| by)
+                    .sum();
+                let slope = (plus[row].0 - minus[row].0) / (2.0 * h);
+                assert!(
+                    (by - slope).abs() < 1e-5 * slope.abs().max(1.0),
+                    "residual {row} by unknown {index}: {by} against {slope}"
+                );
+            }
+        }
+        assert_ne!(state.constants, Constants::ZERO);
+    }
 }

@@ -13,6 +13,8 @@ fn run(landmarks: u32) -> RunRecord {
         sequence: "bench".into(),
         frames: Vec::new(),
         smoothed: Vec::new(),
+        smoother: None,
+        tracks: Vec::new(),
         landmarks: (0..landmarks)
             .map(|id| MapLandmark {
                 id,

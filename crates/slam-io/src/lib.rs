@@ -49,8 +49,11 @@ pub use camera::{CameraFile, CameraFormat, MountFile, calibration_text, read_cal
 pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, image_files, read_grey};
-pub use output::{OutputError, read_map, read_run, write_file, write_run};
-pub use record::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, StageTimes};
+pub use output::{OutputError, read_map, read_run, tum_text, write_file, write_files, write_run};
+pub use record::{
+    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
+    TrackRow,
+};
 pub use sequence::{OdometryRow, Sequence};
 pub use tum::read_tum;
 

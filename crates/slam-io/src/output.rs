@@ -3,10 +3,11 @@
 //! | file | contents |
 //! |---|---|
 //! | `trajectory.tum` | filtered body pose of every frame |
-//! | `trajectory_smoothed.tum` | whole path of the best particle |
+//! | `trajectory_smoothed.tum` | path that looks back over the whole run |
 //! | `covariance.csv` | covariance of every filtered pose |
 //! | `map.ply` | landmarks, coloured by uncertainty |
 //! | `map.slam` | landmarks with covariance and descriptor, checksummed, reloadable |
+//! | `tracks.csv` | which landmark was found where at every keyframe |
 //! | `frames.csv` | counts, filter health and milliseconds of every frame |
 //! | `summary.json` | all figures, errors, seed, configuration, version |
 //! | `report_data.json` | everything of the run that `map.slam` does not hold, so that [`read_run`] gives it back |
@@ -35,6 +36,7 @@ use mono_geometry::Se2;
 
 pub use error::OutputError;
 pub use map_file::read_map;
+pub use tables::tum as tum_text;
 
 /// Writes every result of `run` into the folder `dir`, creating it when needed.
 ///
@@ -54,7 +56,7 @@ pub fn write_run(
         .frames
         .iter()
         .map(|frame| (frame.time_s, frame.report.estimate.pose));
-    let contents: [(&str, Vec<u8>); 8] = [
+    let contents: [(&str, Vec<u8>); 9] = [
         ("trajectory.tum", tables::tum(trajectory).into_bytes()),
         (
             "trajectory_smoothed.tum",
@@ -63,14 +65,29 @@ pub fn write_run(
         ("covariance.csv", tables::covariance_csv(&run.frames)?),
         ("map.ply", ply::ply(&run.landmarks).into_bytes()),
         ("map.slam", map_file::encode_map(&run.landmarks)),
+        ("tracks.csv", tables::tracks_csv(&run.tracks)?),
         ("frames.csv", tables::frames_csv(&run.frames)?),
         ("summary.json", summary::summary_json(run)?),
         ("report_data.json", report_data::encode(run)?),
     ];
+    write_all(dir, contents.iter().chain(extra))
+}
+
+/// Writes files, (name, contents), into the folder `dir`, creating it when needed: all of them appear together or none
+/// does.
+///
+/// # Errors
+/// [`OutputError::Io`] when the file system refuses.
+pub fn write_files(dir: &Path, files: &[(&str, Vec<u8>)]) -> Result<(), OutputError> {
+    write_all(dir, files.iter())
+}
+
+fn write_all<'a>(
+    dir: &Path,
+    files: impl Iterator<Item = &'a (&'a str, Vec<u8>)>,
+) -> Result<(), OutputError> {
     fs::create_dir_all(dir).map_err(|source| OutputError::io(dir, "created", source))?;
-    let pending = contents
-        .iter()
-        .chain(extra)
+    let pending = files
         .map(|(name, bytes)| PendingFile::write(&dir.join(name), bytes))
         .collect::<Result<Vec<_>, _>>()?;
     commit(pending, dir)
@@ -94,10 +111,11 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 ///
 /// # Errors
 /// [`OutputError`] when `report_data.json` or `map.slam` is missing, damaged or of
-/// another version.
+/// another version, or `tracks.csv` is damaged; runs of earlier versions have no tracks.
 pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
     let landmarks = read_map(&dir.join("map.slam"))?;
-    report_data::read(&dir.join("report_data.json"), landmarks)
+    let tracks = tables::read_tracks(&dir.join("tracks.csv"))?;
+    report_data::read(&dir.join("report_data.json"), landmarks, tracks)
 }
 
 /// Refuses a run with a NaN or an infinity in it and names the first place.

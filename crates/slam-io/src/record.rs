@@ -75,6 +75,47 @@ pub struct FrameSnapshot {
     pub keypoints: Vec<DrawnKeypoint>,
 }
 
+/// A landmark found in a keyframe: one row of `tracks.csv`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TrackRow {
+    /// Index of the frame, a keyframe.
+    pub frame: usize,
+    /// Identity of the landmark.
+    pub landmark: u32,
+    /// Column where the keypoint was found, pixels of the raw image.
+    pub x_px: f64,
+    /// Row where the keypoint was found, pixels of the raw image.
+    pub y_px: f64,
+}
+
+/// A constant of the robot as the smoother learned it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearnedValue {
+    /// Name with unit.
+    pub name: String,
+    /// Deviation from nominal.
+    pub value: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Standard deviation before the run.
+    pub prior_sigma: f64,
+}
+
+/// Where the smoothed path comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SmootherRecord {
+    /// `batch`, or `best particle` where there was no batch solution.
+    pub method: String,
+    /// Why it is not the batch solution; `None` where it is.
+    pub note: Option<String>,
+    /// Iterations of the batch.
+    pub iterations: usize,
+    /// Sightings of landmarks that the batch used.
+    pub sightings: usize,
+    /// Constants of the robot that the batch learned.
+    pub constants: Vec<LearnedValue>,
+}
+
 /// Everything a finished run knows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunRecord {
@@ -82,8 +123,12 @@ pub struct RunRecord {
     pub sequence: String,
     /// One entry a frame, in order.
     pub frames: Vec<FrameRecord>,
-    /// Whole path of the best particle: (time in seconds, body pose).
+    /// Path that looks back over the whole run: (time in seconds, body pose).
     pub smoothed: Vec<(f64, Se2)>,
+    /// Where the smoothed path comes from; `None` in runs of earlier versions.
+    pub smoother: Option<SmootherRecord>,
+    /// Associations at the keyframes, in order of frame and landmark.
+    pub tracks: Vec<TrackRow>,
     /// Final map of the best particle, in order of id.
     pub landmarks: Vec<MapLandmark>,
     /// Body path of dead reckoning, one pose a frame.

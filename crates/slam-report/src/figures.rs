@@ -136,7 +136,7 @@ fn error_table(figures: &RunFigures) -> String {
     );
     for (path, name) in [
         ("filtered", "filtered"),
-        ("smoothed", "best particle’s whole path"),
+        ("smoothed", "smoothed"),
         ("dead_reckoning", "dead reckoning"),
     ] {
         for (label, alignment) in [("none", "none"), ("se2", "SE(2)")] {

@@ -201,6 +201,8 @@ fn report_draws_the_page_again() {
         sequence: "corridor".into(),
         frames: Vec::new(),
         smoothed: Vec::new(),
+        smoother: None,
+        tracks: Vec::new(),
         landmarks: Vec::new(),
         dead_reckoning: Vec::new(),
         reference: None,

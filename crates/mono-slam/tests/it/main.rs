@@ -10,3 +10,4 @@ mod calibration_files;
 mod commands;
 mod fixtures;
 mod recorded_board;
+mod smoothed_path;

@@ -103,6 +103,35 @@ fn constants_of_the_carrier_are_learned() {
 }
 
 #[test]
+fn a_wheel_scale_that_nothing_tells_keeps_its_prior() {
+    // A camera at the body's origin: a smaller world with smaller wheels has the same pixels. The wrong form, with the
+    // noise in the metres of the world, makes it smaller by the number of motions times the prior variance.
+    const SEEDS: u64 = 12;
+    let prior = 0.02;
+    let mut sum = 0.0;
+    for seed in 0..SEEDS {
+        let mut settings = settings();
+        settings.model.constants = Constants::ZERO.with(Constant::WheelScale, prior);
+        let mut drive = Drive::new(&settings, 400 + seed);
+        let forward = mono_geometry::Mount::forward();
+        let arm = drive.problem.rig.mount.body_from_camera.translation;
+        drive.problem.rig.mount = forward;
+        // The body is where its camera was.
+        for keyframe in &mut drive.problem.keyframes {
+            keyframe.start = mono_geometry::Se2::new(0.0, 0.0, keyframe.start.phi).compose(
+                &mono_geometry::Se2::new(keyframe.start.x - arm.x, keyframe.start.y - arm.y, 0.0),
+            );
+        }
+        let solution = solve(&drive.problem).unwrap();
+        let learned = solution.learned(Constant::WheelScale).unwrap();
+        assert!((learned.sigma / prior - 1.0).abs() < 0.05, "{learned:?}");
+        sum += learned.value / SEEDS as f64;
+    }
+    // 29 motions of two coordinates: the wrong form says -0.023.
+    assert!(sum.abs() < 0.1 * prior, "{sum}");
+}
+
+#[test]
 fn the_calibration_is_learned() {
     let truth = Constants::ZERO
         .with(Constant::MountYaw, 0.02)

@@ -30,6 +30,7 @@ pub(crate) fn settings() -> Settings {
     model.sigma_px = 0.4;
     model.loss = RobustLoss::None;
     model.scale_drift = 0.0;
+    model.scale_bias = 0.0;
     model.odometry.velocity_noise_ratio = 0.05;
     model.odometry.velocity_noise_mps = 0.002;
     model.odometry.turn_noise_ratio = 0.02;

@@ -14,7 +14,9 @@ use slam_pipeline::MapLandmark;
 
 use super::error::OutputError;
 use crate::disk::Pose;
-use crate::record::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord};
+use crate::record::{
+    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, SmootherRecord, TrackRow,
+};
 
 /// Version written, and the only one read.
 const FORMAT_VERSION: u32 = 1;
@@ -31,6 +33,9 @@ struct ReportData<'a> {
     configuration: Cow<'a, str>,
     frames: Cow<'a, [FrameRecord]>,
     smoothed: Vec<(f64, Pose)>,
+    /// Absent in files of earlier versions.
+    #[serde(default)]
+    smoother: Option<Cow<'a, SmootherRecord>>,
     dead_reckoning: Vec<Pose>,
     reference: Option<Vec<(f64, Pose)>>,
     snapshots: Vec<SnapshotData<'a>>,
@@ -70,6 +75,7 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         configuration: Cow::Borrowed(&run.configuration),
         frames: Cow::Borrowed(&run.frames),
         smoothed: to_disk(&run.smoothed),
+        smoother: run.smoother.as_ref().map(Cow::Borrowed),
         dead_reckoning: run.dead_reckoning.iter().copied().map(Pose::from).collect(),
         reference: run.reference.as_deref().map(to_disk),
         snapshots,
@@ -77,8 +83,12 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
     serde_json::to_vec(&data).map_err(OutputError::encoding)
 }
 
-/// A run from the file and the landmarks of its map.
-pub(super) fn read(path: &Path, landmarks: Vec<MapLandmark>) -> Result<RunRecord, OutputError> {
+/// A run from the file, the landmarks of its map and its tracks.
+pub(super) fn read(
+    path: &Path,
+    landmarks: Vec<MapLandmark>,
+    tracks: Vec<TrackRow>,
+) -> Result<RunRecord, OutputError> {
     let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
     let data: ReportData<'_> = serde_json::from_slice(&bytes).map_err(|error| {
         OutputError::malformed(path, "the data of a finished run", error.to_string())
@@ -99,6 +109,8 @@ pub(super) fn read(path: &Path, landmarks: Vec<MapLandmark>) -> Result<RunRecord
         sequence: data.sequence.into_owned(),
         frames: data.frames.into_owned(),
         smoothed: from_disk(data.smoothed),
+        smoother: data.smoother.map(Cow::into_owned),
+        tracks,
         landmarks,
         dead_reckoning: data.dead_reckoning.into_iter().map(Pose::into).collect(),
         reference: data.reference.map(from_disk),

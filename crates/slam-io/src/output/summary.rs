@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::error::OutputError;
 use crate::figures::{RunFigures, run_figures};
-use crate::record::RunRecord;
+use crate::record::{RunRecord, SmootherRecord};
 
 /// The bytes of the file.
 pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
@@ -16,6 +16,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         particles: usize,
         seed: u64,
         figures: RunFigures,
+        smoother: Option<&'a SmootherRecord>,
         configuration: &'a str,
     }
     let summary = Summary {
@@ -25,6 +26,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         particles: run.particles,
         seed: run.seed,
         figures: run_figures(run),
+        smoother: run.smoother.as_ref(),
         configuration: &run.configuration,
     };
     let mut bytes = serde_json::to_vec_pretty(&summary).map_err(OutputError::encoding)?;

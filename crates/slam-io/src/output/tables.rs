@@ -1,14 +1,15 @@
 //! The text tables: TUM trajectories, `covariance.csv`, `frames.csv`.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use mono_geometry::Se2;
 
 use super::error::OutputError;
-use crate::record::FrameRecord;
+use crate::record::{FrameRecord, TrackRow};
 
-/// Poses in TUM format: height zero, rotation about z.
-pub(super) fn tum(path: impl Iterator<Item = (f64, Se2)>) -> String {
+/// Poses (time in seconds, body pose) as the text of a TUM file: height zero, rotation about z.
+pub fn tum(path: impl Iterator<Item = (f64, Se2)>) -> String {
     let mut text = String::from("# t_s x_m y_m z_m qx qy qz qw (body in world)\n");
     for (t_s, pose) in path {
         let (sin, cos) = (0.5 * pose.phi).sin_cos();
@@ -92,17 +93,51 @@ pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError>
     })
 }
 
-/// A header and a row for every frame.
-fn table<const COLUMNS: usize>(
+/// Header of `tracks.csv`.
+const TRACK_COLUMNS: [&str; 4] = ["frame", "landmark", "x_px", "y_px"];
+
+/// One row per sighting.
+pub(super) fn tracks_csv(tracks: &[TrackRow]) -> Result<Vec<u8>, OutputError> {
+    table(TRACK_COLUMNS, tracks, |row| {
+        [
+            row.frame.to_string(),
+            row.landmark.to_string(),
+            row.x_px.to_string(),
+            row.y_px.to_string(),
+        ]
+    })
+}
+
+/// Reads `tracks.csv` back; no file, no tracks.
+pub(super) fn read_tracks(path: &Path) -> Result<Vec<TrackRow>, OutputError> {
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let malformed = |error: csv::Error| {
+        OutputError::malformed(
+            path,
+            "frame,landmark,x_px,y_px in every row",
+            error.to_string(),
+        )
+    };
+    csv::Reader::from_path(path)
+        .map_err(malformed)?
+        .deserialize()
+        .collect::<Result<_, _>>()
+        .map_err(malformed)
+}
+
+/// A header and a row for every item.
+fn table<Item, const COLUMNS: usize>(
     header: [&str; COLUMNS],
-    frames: &[FrameRecord],
-    row: impl Fn(&FrameRecord) -> [String; COLUMNS],
+    items: &[Item],
+    row: impl Fn(&Item) -> [String; COLUMNS],
 ) -> Result<Vec<u8>, OutputError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(header).map_err(OutputError::encoding)?;
-    for frame in frames {
+    for item in items {
         writer
-            .write_record(row(frame))
+            .write_record(row(item))
             .map_err(OutputError::encoding)?;
     }
     writer.into_inner().map_err(OutputError::encoding)

@@ -8,13 +8,14 @@ use crate::common::run::{FRAMES, small_run};
 use slam_io::{RunRecord, read_map, read_run, read_tum, run_figures, write_run};
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "covariance.csv",
     "frames.csv",
     "map.ply",
     "map.slam",
     "report_data.json",
     "summary.json",
+    "tracks.csv",
     "trajectory.tum",
     "trajectory_smoothed.tum",
 ];

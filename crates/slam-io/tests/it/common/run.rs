@@ -2,7 +2,10 @@
 
 use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector3};
-use slam_io::{DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, StageTimes};
+use slam_io::{
+    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
+    TrackRow,
+};
 use slam_pipeline::{FrameReport, KeypointFate, MapLandmark, PoseEstimate};
 
 /// Frames of [`small_run`].
@@ -90,6 +93,26 @@ pub(crate) fn small_run() -> RunRecord {
         smoothed: (0..FRAMES)
             .map(|index| (0.1 * index as f64, truth(index)))
             .collect(),
+        smoother: Some(SmootherRecord {
+            method: "batch".into(),
+            note: None,
+            iterations: 6,
+            sightings: 2,
+            constants: vec![LearnedValue {
+                name: "turn_rate_bias_radps".into(),
+                value: 0.1 / 3.0,
+                sigma: 1e-3,
+                prior_sigma: 2e-3,
+            }],
+        }),
+        tracks: [(0, 3, 1.0 / 3.0), (0, 8, 7.5), (4, 3, 1.25)]
+            .map(|(frame, landmark, x_px)| TrackRow {
+                frame,
+                landmark,
+                x_px,
+                y_px: 2.0 * x_px,
+            })
+            .to_vec(),
         landmarks,
         dead_reckoning: (0..FRAMES)
             .map(|index| {
