@@ -201,6 +201,15 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         self.set.particles_mut()
     }
 
+    /// Adds increments to the log weights between frames and normalises them, as a move that changes the meaning of
+    /// weights asks for. O(N).
+    ///
+    /// # Errors
+    /// As [`ParticleSet::reweight`]; the weights are then unchanged.
+    pub fn reweight(&mut self, log_increments: &[f64]) -> Result<(), RbpfError> {
+        self.set.reweight(log_increments).map(|_| ())
+    }
+
     /// The family of random streams.
     #[must_use]
     pub const fn streams(&self) -> &Streams {

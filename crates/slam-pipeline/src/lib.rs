@@ -24,6 +24,7 @@
 //! [`config::Config`] (every setting). Reading order of the source: `slam` (the frame loop), `filter` (the
 //! estimator), `frontend` (keypoints to landmarks), `method` (where the three filters differ).
 
+mod ablation;
 pub mod config;
 mod features;
 mod filter;
@@ -33,6 +34,7 @@ mod odometry;
 mod rig;
 mod slam;
 
+pub use ablation::Ablation;
 pub use features::detector_of;
 pub use odometry::{Control, Odometer, OdometryInterval};
 pub use rig::Rig;

@@ -18,6 +18,7 @@
 
 use ukf::SigmaPoints;
 
+use crate::ablation::Ablation;
 use crate::config::{Config, Method};
 
 /// How odometry rows move the body.
@@ -57,6 +58,8 @@ pub(crate) enum ProposalKind {
         /// Number of linearisations.
         iterations: usize,
     },
+    /// The posterior of one first-order update given all matches (ablation only).
+    FirstOrder,
 }
 
 /// Form of the observation likelihood.
@@ -118,6 +121,8 @@ pub(crate) struct Policies {
     pub(crate) proposal: ProposalKind,
     pub(crate) likelihood: LikelihoodForm,
     pub(crate) weight: WeightForm,
+    /// Whether a weight is carried from keyframe to keyframe.
+    pub(crate) carries_weights: bool,
     /// Share of N below which N_eff makes the filter resample.
     pub(crate) resampling_threshold: f64,
     pub(crate) evolution: Evolution,
@@ -143,6 +148,7 @@ impl Policies {
                 proposal: unscented,
                 likelihood: LikelihoodForm::Exact,
                 weight: WeightForm::Importance,
+                carries_weights: true,
                 resampling_threshold: config.filter.resampling_threshold,
                 evolution: Evolution::MetropolisHastings,
                 landmark_start: LandmarkStart::SecondSighting,
@@ -156,6 +162,7 @@ impl Policies {
                 proposal: unscented,
                 likelihood: LikelihoodForm::Printed,
                 weight: WeightForm::LikelihoodOnly,
+                carries_weights: true,
                 resampling_threshold: config.filter.resampling_threshold,
                 evolution: Evolution::Printed,
                 landmark_start: two_views,
@@ -169,11 +176,50 @@ impl Policies {
                 proposal: ProposalKind::Motion,
                 likelihood: LikelihoodForm::Exact,
                 weight: WeightForm::LikelihoodOnly,
+                carries_weights: true,
                 resampling_threshold: 1.0,
                 evolution: Evolution::Off,
                 landmark_start: two_views,
                 landmark_points: SigmaPoints::default(),
                 reported: ReportedCovariance::Spread,
+            },
+        }
+    }
+}
+
+impl Policies {
+    /// The same filter without one of its parts.
+    pub(crate) fn without(self, config: &Config, part: Ablation) -> Self {
+        match part {
+            Ablation::NoEvolution => Self {
+                evolution: Evolution::Off,
+                ..self
+            },
+            Ablation::NoUnscented => Self {
+                proposal: ProposalKind::Motion,
+                ..self
+            },
+            Ablation::ResampleAlways => Self {
+                resampling_threshold: 1.0,
+                ..self
+            },
+            Ablation::DelayedStarts => Self {
+                landmark_start: LandmarkStart::TwoViews {
+                    min_parallax: config.mapping.min_parallax,
+                },
+                ..self
+            },
+            Ablation::LikelihoodOnly => Self {
+                weight: WeightForm::LikelihoodOnly,
+                ..self
+            },
+            Ablation::WeightsNotCarried => Self {
+                carries_weights: false,
+                ..self
+            },
+            Ablation::FirstOrderProposal => Self {
+                proposal: ProposalKind::FirstOrder,
+                ..self
             },
         }
     }
@@ -201,5 +247,27 @@ mod tests {
     fn only_the_exact_filter_weighs_with_prior_and_proposal() {
         assert_eq!(policies(Method::Exact).weight, WeightForm::Importance);
         assert_eq!(policies(Method::Paper).weight, WeightForm::LikelihoodOnly);
+    }
+
+    #[test]
+    fn an_ablation_takes_away_one_part_and_no_two_take_the_same() {
+        let config = Config::default();
+        let whole = Policies::of(&config);
+        let parts = [
+            Ablation::NoEvolution,
+            Ablation::NoUnscented,
+            Ablation::ResampleAlways,
+            Ablation::DelayedStarts,
+            Ablation::LikelihoodOnly,
+            Ablation::WeightsNotCarried,
+            Ablation::FirstOrderProposal,
+        ];
+        for (index, part) in parts.into_iter().enumerate() {
+            let ablated = whole.without(&config, part);
+            assert_ne!(ablated, whole, "{part:?}");
+            for other in &parts[..index] {
+                assert_ne!(ablated, whole.without(&config, *other), "{part:?}");
+            }
+        }
     }
 }

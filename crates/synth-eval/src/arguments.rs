@@ -16,6 +16,7 @@ synth-eval [OPTIONS]
   --seeds N|A-B         seeds 1 to N, or A to B
   --frames N            frames of the rendered scenes
   --method M:PARTICLES  dead-reckoning, conventional:100, paper:50, exact:50; may be repeated
+  --ablations           the exact filter without one of its parts at a time (also: --method no-evolution:50, ...)
   --default-config      the shipped configuration (without: it is told the exact odometry noise of rendered scenes)
   --config FILE         this configuration
   --no-batch            without the batch solution over the associations of each run, the limit of the tables
@@ -26,8 +27,8 @@ synth-eval [OPTIONS]
 synth-eval merge FILE.jsonl... [--compare OLD.jsonl] [--out DIR]
       put the results of shards together
 
-synth-eval figures [--seeds N] [--out DIR]
-      the figures of the paper
+synth-eval figures [--quick] [--points] [--seeds N] [--out DIR]
+      the paper's figures 2, 3, 6 to 9 as SVG and on one page, figures.html
 ";
 
 /// A parsed command line.
@@ -73,6 +74,7 @@ pub(crate) fn parse(
             Long("seeds") => options.seeds = Some(seeds(&parser.value()?.string()?)?),
             Long("frames") => options.frames = Some(parser.value()?.parse()?),
             Long("method") => options.methods.push(parser.value()?.string()?),
+            Long("ablations") => options.ablations = true,
             Long("default-config") => options.default_config = true,
             Long("no-batch") => options.batch = false,
             Long("config") => options.config = Some(parser.value()?.into()),
@@ -141,7 +143,7 @@ mod tests {
             ..Options::default()
         };
         assert_eq!(read("").unwrap(), Command::Run(Box::new(default)));
-        let line = "--quick --scene wall --scene room --points --sequence a/b --seeds 4-9 --frames 12 --method exact:5 \
+        let line = "--quick --scene wall --scene room --points --sequence a/b --seeds 4-9 --frames 12 --method exact:5 --ablations \
                     --default-config --no-batch --shard 2/3 --compare old.jsonl --out r";
         let options = Options {
             quick: true,
@@ -151,6 +153,7 @@ mod tests {
             frames: Some(12),
             seeds: Some((4, 9)),
             methods: vec!["exact:5".into()],
+            ablations: true,
             default_config: true,
             config: None,
             batch: false,

@@ -4,6 +4,7 @@
 //! differs is the method and the number of particles.
 
 use anyhow::{Context, bail, ensure};
+use slam_pipeline::Ablation;
 use slam_pipeline::config::{Config, Method};
 
 /// The way poses are computed: a line of the table without its number of particles.
@@ -13,6 +14,8 @@ pub(crate) enum Family {
     DeadReckoning,
     /// A particle filter.
     Filter(Method),
+    /// The exact filter without one of its parts.
+    Without(Ablation),
 }
 
 /// All families in the order of the table, by the name that is printed.
@@ -21,6 +24,19 @@ const FAMILIES: &[(&str, Family)] = &[
     ("conventional", Family::Filter(Method::Conventional)),
     ("paper", Family::Filter(Method::Paper)),
     ("exact", Family::Filter(Method::Exact)),
+    ("no evolution", Family::Without(Ablation::NoEvolution)),
+    ("no unscented", Family::Without(Ablation::NoUnscented)),
+    (
+        "FastSLAM 2.0",
+        Family::Without(Ablation::FirstOrderProposal),
+    ),
+    ("resample always", Family::Without(Ablation::ResampleAlways)),
+    ("delayed starts", Family::Without(Ablation::DelayedStarts)),
+    ("likelihood only", Family::Without(Ablation::LikelihoodOnly)),
+    (
+        "weights not carried",
+        Family::Without(Ablation::WeightsNotCarried),
+    ),
 ];
 
 /// Most particles of an estimator.
@@ -40,6 +56,21 @@ const fn filter(method: Method, particles: u32) -> Estimator {
         family: Family::Filter(method),
         particles,
     }
+}
+
+/// Particles of the ablations.
+const ABLATED_PARTICLES: u32 = 50;
+
+/// The exact filter and all its ablations.
+pub(crate) fn ablations() -> Vec<Estimator> {
+    FAMILIES
+        .iter()
+        .filter(|(_, family)| matches!(family, Family::Filter(Method::Exact) | Family::Without(_)))
+        .map(|(_, family)| Estimator {
+            family: *family,
+            particles: ABLATED_PARTICLES,
+        })
+        .collect()
 }
 
 /// Odometry alone.
@@ -122,14 +153,20 @@ impl Estimator {
     pub(crate) fn label(self) -> String {
         match self.family {
             Family::DeadReckoning => self.family_name().to_owned(),
-            Family::Filter(_) => format!("{} {}", self.family_name(), self.particles),
+            Family::Filter(_) | Family::Without(_) => {
+                format!("{} {}", self.family_name(), self.particles)
+            }
         }
     }
 
     /// Makes `config` that of this estimator: its method, its particles, one thread.
     pub(crate) fn configure(self, config: &mut Config, seed: u64) {
-        if let Family::Filter(method) = self.family {
-            config.filter.method = method;
+        match self.family {
+            Family::DeadReckoning => {}
+            Family::Filter(method) => config.filter.method = method,
+            Family::Without(_) => config.filter.method = Method::Exact,
+        }
+        if self.particles > 0 {
             config.filter.particles = self.particles;
         }
         config.filter.seed = seed;
@@ -159,7 +196,7 @@ mod tests {
 
     #[test]
     fn every_entry_is_read_back_from_its_label() {
-        for estimator in FULL {
+        for estimator in FULL.iter().chain(&ablations()) {
             let label = estimator.label();
             let text = match estimator.particles {
                 0 => label.replace(' ', "-"),

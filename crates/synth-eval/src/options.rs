@@ -19,6 +19,8 @@ pub struct Options {
     pub seeds: Option<(u64, u64)>,
     /// Estimators, `dead-reckoning` or `FAMILY:PARTICLES`; none for the default.
     pub methods: Vec<String>,
+    /// The exact filter and its ablations run too; alone where no estimator is named.
+    pub ablations: bool,
     /// The filters run the shipped defaults instead of the exact noise of the scene.
     pub default_config: bool,
     /// The filters run this configuration file.

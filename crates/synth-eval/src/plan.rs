@@ -1,6 +1,6 @@
 //! The trials of a study: which recordings are made, and which estimators run on them with which seeds.
 
-use crate::estimator::{Estimator, FULL, QUICK};
+use crate::estimator::{DEAD_RECKONING, Estimator, FULL, QUICK, ablations};
 use crate::recording::Recording;
 use crate::scene_name::scene;
 use crate::settings::Settings;
@@ -105,15 +105,24 @@ impl Plan {
             1 <= shard && shard <= shards,
             "--shard must be I/N with 1 <= I <= N, not {shard}/{shards}"
         );
-        let estimators = if options.methods.is_empty() {
+        let mut estimators = if options.methods.is_empty() && options.ablations {
+            vec![DEAD_RECKONING]
+        } else if options.methods.is_empty() {
             if options.quick { QUICK } else { FULL }.to_vec()
         } else {
             options
                 .methods
                 .iter()
                 .map(|text| Estimator::parse(text))
-                .collect::<anyhow::Result<_>>()?
+                .collect::<anyhow::Result<Vec<_>>>()?
         };
+        if options.ablations {
+            let missing: Vec<Estimator> = ablations()
+                .into_iter()
+                .filter(|estimator| !estimators.contains(estimator))
+                .collect();
+            estimators.extend(missing);
+        }
         let settings = match &options.config {
             Some(file) => Settings::read(file)?,
             None if options.default_config => Settings::Default,

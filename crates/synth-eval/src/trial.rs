@@ -10,7 +10,7 @@ use anyhow::Context;
 use estimation_base::Se2;
 use nalgebra::Matrix3;
 use slam_pipeline::config::Config;
-use slam_pipeline::{FrameInput, MapLandmark, Odometer, Slam};
+use slam_pipeline::{Ablation, FrameInput, MapLandmark, Odometer, Slam};
 use std::time::Instant;
 use trajectory_eval::Statistics;
 
@@ -55,7 +55,8 @@ pub(crate) fn run(
     estimator.configure(&mut config, seed);
     let track = match estimator.family {
         Family::DeadReckoning => dead_reckoning(&config, recording),
-        Family::Filter(_) => filter(&config, recording, batch),
+        Family::Filter(_) => filter(&config, recording, None, batch),
+        Family::Without(part) => filter(&config, recording, Some(part), batch),
     }
     .with_context(|| format!("{}, seed {seed}, {}", recording.name, estimator.label()))?;
     let row = row(estimator, recording, seed, settings, &track)?;
@@ -131,9 +132,17 @@ fn row(
     })
 }
 
-fn filter(config: &Config, recording: &Recording, batch: bool) -> anyhow::Result<Track> {
+fn filter(
+    config: &Config,
+    recording: &Recording,
+    without: Option<Ablation>,
+    batch: bool,
+) -> anyhow::Result<Track> {
     let config = config.clone().check()?;
-    let mut slam = Slam::new(recording.rig, &config)?;
+    let mut slam = match without {
+        None => Slam::new(recording.rig, &config)?,
+        Some(part) => Slam::ablated(recording.rig, &config, part)?,
+    };
     let start = Instant::now();
     let mut track = Track::default();
     let mut sightings = slam_batch::Recording::default();

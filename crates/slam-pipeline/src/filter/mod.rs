@@ -7,6 +7,7 @@
 
 pub(crate) mod drift;
 pub(crate) mod evolution;
+pub(crate) mod first_order;
 pub(crate) mod landmark;
 pub(crate) mod landmark_update;
 pub(crate) mod likelihood;

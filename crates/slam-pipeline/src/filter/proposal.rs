@@ -14,6 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rbpf_core::Proposal;
 
+use super::first_order::first_order_posterior;
 use super::likelihood::Likelihood;
 use super::linearised::{PosePosterior, pose_posterior};
 use super::motion::CarrierModel;
@@ -58,6 +59,7 @@ impl Proposal<Particle, FrameObservation> for PoseProposal<'_> {
             ProposalKind::Unscented { iterations } => {
                 pose_posterior(self.rig, &prior, &matches, iterations)
             }
+            ProposalKind::FirstOrder => first_order_posterior(self.rig, &prior, &matches),
         };
         let normal = PoseStep::from_fn(|_, _| StandardNormal.sample(rng));
         let whitened = posterior.mean + posterior.factor * normal;

@@ -130,6 +130,17 @@ impl Slam {
             steps: self.config.filter.evolution_steps as usize,
             likelihood: &self.likelihood,
         };
+        if !self.policies.carries_weights {
+            let forgotten: Vec<f64> = filter
+                .set()
+                .log_weights()
+                .iter()
+                .map(|w| if w.is_finite() { -w } else { 0.0 })
+                .collect();
+            filter
+                .reweight(&forgotten)
+                .map_err(|e| filter_error(self.state.frame, e))?;
+        }
         let step = filter
             .step_observed(
                 self.state.frame as u64,

@@ -28,6 +28,7 @@ use rbpf_core::{
 use thiserror::Error;
 use vision_sift::Features;
 
+use crate::ablation::Ablation;
 use crate::config::ValidConfig;
 use crate::filter::drift::Drift;
 use crate::filter::likelihood::Likelihood;
@@ -132,7 +133,23 @@ impl Slam {
     /// # Errors
     /// [`SlamError::Filter`] or [`SlamError::Index`] for a configuration that the parts refuse.
     pub fn new(rig: Rig, config: &ValidConfig) -> Result<Self, SlamError> {
-        let policies = Policies::of(config);
+        Self::with_policies(rig, config, Policies::of(config))
+    }
+
+    /// A system without one part of its filter, for studies.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    #[doc(hidden)]
+    pub fn ablated(rig: Rig, config: &ValidConfig, part: Ablation) -> Result<Self, SlamError> {
+        Self::with_policies(rig, config, Policies::of(config).without(config, part))
+    }
+
+    fn with_policies(
+        rig: Rig,
+        config: &ValidConfig,
+        policies: Policies,
+    ) -> Result<Self, SlamError> {
         let carrier = carrier_model(config, policies.carrier);
         let start = Particle::new(
             CameraPose {
