@@ -4,6 +4,7 @@ use std::fmt;
 use std::io::{self, Write as _};
 
 use camera_calibration::CalibrateError;
+use mono_slam::recorded::RecordedError;
 use mono_slam::run::RunError;
 use slam_io::{OutputError, SequenceError};
 use trajectory_eval::EvaluationError;
@@ -58,6 +59,15 @@ impl From<RunError> for Failure {
                 Failure::input(error.to_string())
             }
             RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
+        }
+    }
+}
+
+impl From<RecordedError> for Failure {
+    fn from(error: RecordedError) -> Self {
+        match error {
+            RecordedError::Output(error) => error.into(),
+            error => Failure::input(error.to_string()),
         }
     }
 }

@@ -24,6 +24,7 @@
 //! [`slam_io::RunRecord`].
 
 pub mod calibrate;
+pub mod recorded;
 pub mod run;
 pub mod smooth;
 mod stopwatch;

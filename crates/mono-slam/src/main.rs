@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{calibrate, camera, config, eval, features, match_images, report, run};
+use commands::{batch, calibrate, camera, config, eval, features, match_images, report, run};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ struct Cli {
 enum Command {
     /// Run SLAM on a sequence folder
     Run(run::Arguments),
+    /// Solve the whole drive of a finished run at once: the limit of its filter, and constants of the robot
+    Batch(batch::Arguments),
     /// Compare a trajectory with a reference: absolute and relative error
     Eval(eval::Arguments),
     /// Draw report.html of a finished run again from its other files
@@ -45,6 +47,7 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Batch(arguments) => batch::run(&arguments),
         Command::Features(arguments) => features::run(&arguments),
         Command::Match(arguments) => match_images::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -49,12 +49,14 @@ pub use camera::{CameraFile, CameraFormat, MountFile, calibration_text, read_cal
 pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, image_files, read_grey};
-pub use output::{OutputError, read_map, read_run, tum_text, write_file, write_files, write_run};
+pub use output::{
+    OutputError, covariance_csv, read_map, read_run, tum_text, write_file, write_files, write_run,
+};
 pub use record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
     TrackRow,
 };
-pub use sequence::{OdometryRow, Sequence};
+pub use sequence::{OdometryRow, Sequence, read_run_inputs};
 pub use tum::read_tum;
 
 /// Compiles and runs the code of the README.

@@ -36,7 +36,7 @@ use mono_geometry::Se2;
 
 pub use error::OutputError;
 pub use map_file::read_map;
-pub use tables::tum as tum_text;
+pub use tables::{covariance_csv, tum as tum_text};
 
 /// Writes every result of `run` into the folder `dir`, creating it when needed.
 ///
@@ -62,7 +62,10 @@ pub fn write_run(
             "trajectory_smoothed.tum",
             tables::tum(run.smoothed.iter().copied()).into_bytes(),
         ),
-        ("covariance.csv", tables::covariance_csv(&run.frames)?),
+        (
+            "covariance.csv",
+            tables::filtered_covariance_csv(&run.frames)?,
+        ),
         ("map.ply", ply::ply(&run.landmarks).into_bytes()),
         ("map.slam", map_file::encode_map(&run.landmarks)),
         ("tracks.csv", tables::tracks_csv(&run.tracks)?),

@@ -29,6 +29,10 @@ use crate::images::{self, GreyImage};
 
 pub use odometry::OdometryRow;
 
+/// Names of the text files that a run keeps.
+const CAMERA: &str = "camera.toml";
+const ODOMETRY: &str = "odometry.csv";
+
 /// A checked sequence folder; pixels are read on demand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sequence {
@@ -71,10 +75,10 @@ impl Sequence {
         }
         let images = images::list_images(&path.join("images"))?;
         let times_s = times::read_times(&path.join("times.txt"), images.len())?;
-        let camera = read_camera(&path.join("camera.toml"))?;
+        let camera = read_camera(&path.join(CAMERA))?;
         images::check_sizes(&images, &camera)?;
         let first_s = times_s[0];
-        let odometry = odometry::read_odometry(&path.join("odometry.csv"), first_s)?;
+        let odometry = odometry::read_odometry(&path.join(ODOMETRY), first_s)?;
         let reference = reference::read_reference(path, &camera.mount, first_s)?;
         Ok(Sequence {
             name: folder_name(path),
@@ -85,6 +89,24 @@ impl Sequence {
             odometry,
             reference,
         })
+    }
+
+    /// The text files of the sequence that a batch over a finished run needs, (name, contents), to be written beside its
+    /// results; [`read_run_inputs`] reads them back.
+    ///
+    /// # Errors
+    /// [`SequenceError`] when they cannot be read again.
+    pub fn input_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, SequenceError> {
+        [CAMERA, ODOMETRY]
+            .into_iter()
+            .map(|name| {
+                let path = self.root.join(name);
+                match std::fs::read(&path) {
+                    Ok(bytes) => Ok((name, bytes)),
+                    Err(source) => Err(SequenceError::Read { path, source }),
+                }
+            })
+            .collect()
     }
 
     /// Decodes image `index` to 8-bit grey; colour becomes luma.
@@ -130,6 +152,21 @@ impl Sequence {
         }
         pieces
     }
+}
+
+/// Camera and odometry that [`Sequence::input_files`] put beside the results of a run whose first frame is at
+/// `first_frame_s`.
+///
+/// # Errors
+/// As [`Sequence::open`].
+pub fn read_run_inputs(
+    dir: &Path,
+    first_frame_s: f64,
+) -> Result<(CameraFile, Vec<OdometryRow>), SequenceError> {
+    Ok((
+        read_camera(&dir.join(CAMERA))?,
+        odometry::read_odometry(&dir.join(ODOMETRY), first_frame_s)?,
+    ))
 }
 
 /// Last part of a path as text, for names in results.

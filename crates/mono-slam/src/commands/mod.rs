@@ -1,5 +1,6 @@
 //! The commands, one file each with its arguments and its action.
 
+pub(crate) mod batch;
 pub(crate) mod calibrate;
 pub(crate) mod camera;
 pub(crate) mod config;

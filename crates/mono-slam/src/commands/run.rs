@@ -76,7 +76,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let record = run_sequence(&sequence, &config, &clock, &mut |p| reporter.report(p))?;
     reporter.finish();
     let page = render_run_html(&record).into_bytes();
-    write_run(&record, &arguments.out, &[("report.html", page)])?;
+    let mut beside = sequence.input_files()?;
+    beside.push(("report.html", page));
+    write_run(&record, &arguments.out, &beside)?;
     let ate = ate_m(&record)?;
     if !arguments.quiet {
         tell(&summary(&record, ate, &arguments.out.display().to_string()));

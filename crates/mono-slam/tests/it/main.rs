@@ -6,6 +6,7 @@
     reason = "a helper that fails is a test that fails; a skipped test says so"
 )]
 
+mod batch_command;
 mod calibration_files;
 mod commands;
 mod fixtures;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use mono_geometry::Se2;
+use slam_pipeline::PoseEstimate;
 
 use super::error::OutputError;
 use crate::record::{FrameRecord, TrackRow};
@@ -19,14 +20,30 @@ pub fn tum(path: impl Iterator<Item = (f64, Se2)>) -> String {
     text
 }
 
-/// Upper triangle of every pose covariance.
-pub(super) fn covariance_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError> {
+/// Upper triangle of the covariance of every filtered pose.
+pub(super) fn filtered_covariance_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError> {
+    let times: Vec<f64> = frames.iter().map(|frame| frame.time_s).collect();
+    let estimates: Vec<PoseEstimate> = frames.iter().map(|frame| frame.report.estimate).collect();
+    covariance_csv(&times, &estimates)
+}
+
+/// The bytes of a `covariance.csv`: the upper triangle of every pose covariance, one estimate a time.
+///
+/// # Errors
+/// [`OutputError`] of the encoding.
+pub fn covariance_csv(times_s: &[f64], estimates: &[PoseEstimate]) -> Result<Vec<u8>, OutputError> {
     let header = ["frame", "t_s", "xx", "xy", "xphi", "yy", "yphi", "phiphi"];
-    table(header, frames, |frame| {
-        let c = &frame.report.estimate.covariance;
+    let rows: Vec<(usize, f64, &PoseEstimate)> = times_s
+        .iter()
+        .zip(estimates)
+        .enumerate()
+        .map(|(index, (time_s, estimate))| (index, *time_s, estimate))
+        .collect();
+    table(header, &rows, |(index, time_s, estimate)| {
+        let c = &estimate.covariance;
         [
-            frame.index.to_string(),
-            frame.time_s.to_string(),
+            index.to_string(),
+            time_s.to_string(),
             c[(0, 0)].to_string(),
             c[(0, 1)].to_string(),
             c[(0, 2)].to_string(),
