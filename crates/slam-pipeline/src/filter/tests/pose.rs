@@ -2,6 +2,7 @@
 //! prior of a millimetre and a milliradian, points metres away.
 
 use crate::filter::evolution::PoseEvolution;
+use crate::filter::first_order::first_order_posterior;
 use crate::filter::landmark::projected_covariance;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::linearised::pose_posterior;
@@ -203,6 +204,42 @@ fn weight_is_the_evidence_whatever_the_draw() {
             (off - divergence).abs() < bound,
             "{off} against {divergence}"
         );
+    }
+}
+
+#[test]
+fn the_first_order_posterior_is_the_extended_kalman_update_however_wide_the_prior() {
+    for seed in 0..5 {
+        let scene = scene(seed);
+        let matches = scene.observation.prepare(&scene.particle);
+        let mut prior = scene.prior();
+        prior.factor *= 30.0;
+        let (h, r, innovation) = linearised(&prior, &matches);
+        let p = dynamic(&(prior.factor * prior.factor.transpose()));
+        let gain = (&h * &p * h.transpose() + r)
+            .cholesky()
+            .unwrap()
+            .solve(&(&h * &p))
+            .transpose();
+        let step = &gain * &innovation;
+        let covariance = &p - &gain * &h * &p;
+
+        let found = first_order_posterior(&scene.rig, &prior, &matches);
+        let found_step = prior.factor * found.mean;
+        let found_covariance = dynamic(&found.pose_covariance(&prior));
+        // In units of the posterior: a thousandth of a standard deviation.
+        for i in 0..6 {
+            let sigma = covariance[(i, i)].sqrt();
+            assert!((found_step[i] - step[i]).abs() < 1e-3 * sigma, "{i}");
+            assert!((found_covariance[(i, i)].sqrt() / sigma - 1.0).abs() < 1e-3);
+        }
+        // The sigma points of so wide a prior see its curvature: their posterior is another one.
+        let unscented = pose_posterior(&scene.rig, &prior, &matches, 1);
+        let apart = prior.factor * (unscented.mean - found.mean);
+        let most = (0..6)
+            .map(|i| apart[i].abs() / covariance[(i, i)].sqrt())
+            .fold(0.0, f64::max);
+        assert!(most > 0.05, "seed {seed}: {most}");
     }
 }
 
