@@ -5,6 +5,7 @@ use std::io::{self, Write as _};
 
 use camera_calibration::CalibrateError;
 use mono_slam::recorded::RecordedError;
+use mono_slam::refine::RefineError;
 use mono_slam::run::RunError;
 use slam_io::{OutputError, SequenceError};
 use trajectory_eval::EvaluationError;
@@ -69,6 +70,12 @@ impl From<RecordedError> for Failure {
             RecordedError::Output(error) => error.into(),
             error => Failure::input(error.to_string()),
         }
+    }
+}
+
+impl From<RefineError> for Failure {
+    fn from(error: RefineError) -> Self {
+        Failure::input(error.to_string())
     }
 }
 

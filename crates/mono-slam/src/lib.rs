@@ -25,6 +25,7 @@
 
 pub mod calibrate;
 pub mod recorded;
+pub mod refine;
 pub mod run;
 pub mod smooth;
 mod stopwatch;

@@ -36,7 +36,7 @@ enum Command {
     Features(features::Arguments),
     /// Match two images
     Match(match_images::Arguments),
-    /// Calibrate a camera from images of a checkerboard
+    /// Calibrate a camera from images of a checkerboard, or refine it over recorded runs
     Calibrate(calibrate::Arguments),
     /// Convert a camera calibration between camera.toml, Kalibr, OpenCV and ROS
     Camera(camera::Arguments),

@@ -115,6 +115,27 @@ pub struct Problem {
 }
 
 impl Problem {
+    /// Adds the keyframes and tracks of another drive of the same robot, to be solved together with this one: constants
+    /// are shared, poses and landmarks are not. Noise and priors stay those of this problem.
+    pub fn append(&mut self, drive: Self) {
+        let before = self.keyframes.len();
+        let next = self
+            .tracks
+            .iter()
+            .map(|t| t.landmark.saturating_add(1))
+            .max()
+            .unwrap_or(0);
+        self.keyframes.extend(drive.keyframes);
+        self.tracks
+            .extend(drive.tracks.into_iter().map(|mut track| {
+                track.landmark = track.landmark.saturating_add(next);
+                for sighting in &mut track.sightings {
+                    sighting.keyframe += before;
+                }
+                track
+            }));
+    }
+
     /// Whether every number is usable.
     ///
     /// # Errors

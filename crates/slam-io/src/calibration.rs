@@ -6,9 +6,9 @@
 use std::fmt::Write as _;
 
 use camera_calibration::CalibrationRun;
-use mono_geometry::Camera;
+use mono_geometry::calibration::Calibration;
 
-use crate::camera::{CameraFile, CameraFormat, MountFile, calibration_text};
+use crate::camera::{CameraFile, CameraFormat, MountFile, SigmaFile, calibration_text};
 use crate::error::SequenceError;
 
 /// Parameters in pixels.
@@ -20,7 +20,7 @@ const PINHOLE: [&str; 4] = ["fx", "fy", "cx", "cy"];
 /// [`SequenceError`] for a lens that the format cannot hold: none at present.
 pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
     let calibration = &run.calibration;
-    let plain = calibration_text(&camera_file(&calibration.camera), CameraFormat::Toml)?;
+    let plain = calibration_text(&camera_file(calibration), CameraFormat::Toml)?;
     let mut text = String::new();
     let _ = write!(
         text,
@@ -44,9 +44,11 @@ pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
         let _ = writeln!(text, "# Warning: {warning}");
     }
     text.push('\n');
+    let mut values = true;
     for line in plain.lines() {
+        values &= line != "[sigma]";
         let name = line.split(" = ").next().unwrap_or_default();
-        match calibration.parameter(name) {
+        match calibration.parameter(name).filter(|_| values) {
             Some(parameter) => {
                 let unit = if PINHOLE.contains(&name) { " px" } else { "" };
                 let _ = writeln!(text, "{line}   # +- {}{unit}", sigma(parameter.sigma));
@@ -61,7 +63,12 @@ pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
 }
 
 /// The camera as its file holds it, at the default place on the body.
-fn camera_file(camera: &Camera) -> CameraFile {
+fn camera_file(calibration: &Calibration) -> CameraFile {
+    let camera = &calibration.camera;
+    let known = |name: &str| {
+        let sigma = calibration.parameter(name)?.sigma;
+        sigma.is_finite().then_some(sigma)
+    };
     let pinhole = camera.pinhole();
     CameraFile {
         // Sizes came from images, whose sides fit.
@@ -73,6 +80,14 @@ fn camera_file(camera: &Camera) -> CameraFile {
         cy: pinhole.cy,
         distortion: *camera.distortion(),
         mount: MountFile::default(),
+        sigma: SigmaFile {
+            fx: known("fx"),
+            fy: known("fy"),
+            cx: known("cx"),
+            cy: known("cy"),
+            k1: known("k1"),
+            ..SigmaFile::default()
+        },
     }
 }
 

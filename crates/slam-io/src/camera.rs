@@ -30,7 +30,7 @@ use crate::text::{content_lines, quoted, read_text};
 use file::file_fault;
 use yaml::Node;
 
-pub use file::{CameraFile, MountFile};
+pub use file::{CameraFile, MountFile, SigmaFile};
 pub(crate) use native::read_camera;
 
 /// The file format of a calibration.

@@ -45,7 +45,9 @@ mod text;
 mod tum;
 
 pub use calibration::camera_toml;
-pub use camera::{CameraFile, CameraFormat, MountFile, calibration_text, read_calibration};
+pub use camera::{
+    CameraFile, CameraFormat, MountFile, SigmaFile, calibration_text, read_calibration,
+};
 pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, image_files, read_grey};

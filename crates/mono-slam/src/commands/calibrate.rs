@@ -1,4 +1,4 @@
-//! `mono-slam calibrate`: a camera from images of a checkerboard.
+//! `mono-slam calibrate`: a camera from images of a checkerboard, or refined over recorded runs.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -8,9 +8,15 @@ use camera_calibration::{BoardSize, CalibrationRun, CalibrationSettings};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use mono_geometry::calibration::LensModel;
 use mono_slam::calibrate::calibrate_files;
-use slam_io::{camera_toml, image_files, read_grey, write_file};
+use mono_slam::recorded::RecordedRun;
+use mono_slam::refine::{Refinement, priors, refine};
+use slam_batch::Constant;
+use slam_io::{
+    CameraFile, CameraFormat, calibration_text, camera_toml, image_files, read_grey, write_file,
+};
 use slam_report::render_calibration_html;
 
+use super::batch::{constants_table, prior};
 use super::threshold::metres;
 use crate::failure::{Failure, print};
 
@@ -18,14 +24,26 @@ use crate::failure::{Failure, print};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// PNG or JPEG images, or folders of them
-    #[arg(value_name = "IMAGES", required = true)]
+    #[arg(
+        value_name = "IMAGES",
+        required_unless_present = "from_run",
+        requires_all = ["board", "square"]
+    )]
     images: Vec<PathBuf>,
+    /// Refine the camera of these runs instead: focal length, principal point, k1, yaw of the mount, lever arm and wheel
+    /// scale over folders that `mono-slam run` wrote, with the priors of [sigma] in their camera.toml, else 1 %, 2 px, 0.01,
+    /// 10 mrad, 2 cm
+    #[arg(long, value_name = "RUN", num_args = 1.., conflicts_with = "images")]
+    from_run: Vec<PathBuf>,
+    /// With --from-run: standard deviation before the drives of a constant, as focal_scale=0.003; 0 fixes it
+    #[arg(long, value_name = "NAME=SIGMA", value_parser = prior, requires = "from_run")]
+    prior: Vec<(Constant, f64)>,
     /// Inner corners of the board: columns x rows
     #[arg(long, value_name = "9x6")]
-    board: BoardSize,
+    board: Option<BoardSize>,
     /// Side of a square in metres
     #[arg(long, value_name = "METRES", value_parser = metres)]
-    square: f64,
+    square: Option<f64>,
     /// File for the camera
     #[arg(long, value_name = "FILE.toml")]
     out: PathBuf,
@@ -65,10 +83,13 @@ impl From<Model> for LensModel {
 
 /// Finds the boards, calibrates, writes camera and page, prints what was found.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (Some(board), Some(square_m)) = (arguments.board, arguments.square) else {
+        return refined(arguments);
+    };
     let files = image_files(&arguments.images)?;
     let settings = CalibrationSettings {
-        board: arguments.board,
-        square_m: arguments.square,
+        board,
+        square_m,
         model: arguments.model.into(),
     };
     let bar = progress_bar(files.len());
@@ -89,6 +110,70 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     write_file(&arguments.out, camera_toml(&run)?.as_bytes())?;
     write_file(&report, page.as_bytes())?;
     print(&summary(&run, &files))
+}
+
+/// Refines over recorded runs, writes the camera, prints it before and after.
+fn refined(arguments: &Arguments) -> Result<(), Failure> {
+    let runs = arguments
+        .from_run
+        .iter()
+        .map(|dir| RecordedRun::open(dir))
+        .collect::<Result<Vec<_>, _>>()?;
+    let first = runs
+        .first()
+        .ok_or_else(|| Failure::input("expected images or --from-run, found neither".to_owned()))?;
+    let mut priors = priors(first);
+    for (constant, sigma) in &arguments.prior {
+        priors[*constant] = *sigma;
+    }
+    let refinement = refine(&runs, &priors)?;
+    let text = format!(
+        "# Refined by mono-slam {} over {} run(s): {} keyframes, {} sightings.\n{}",
+        env!("CARGO_PKG_VERSION"),
+        runs.len(),
+        refinement.keyframes,
+        refinement.sightings,
+        calibration_text(&refinement.after, CameraFormat::Toml)?
+    );
+    write_file(&arguments.out, text.as_bytes())?;
+    print(&before_and_after(&refinement))
+}
+
+fn before_and_after(refinement: &Refinement) -> String {
+    let (before, after) = (&refinement.before, &refinement.after);
+    let sigma = &after.sigma;
+    let mut text = format!(
+        "{} keyframes, {} sightings\n\n{:<12}{:>14}{:>14}{:>12}\n",
+        refinement.keyframes, refinement.sightings, "", "before", "after", "sigma"
+    );
+    let k1 = |camera: &CameraFile| camera.distortion.parameters().first().copied();
+    let rows = [
+        ("fx (px)", Some(before.fx), Some(after.fx), sigma.fx),
+        ("fy (px)", Some(before.fy), Some(after.fy), sigma.fy),
+        ("cx (px)", Some(before.cx), Some(after.cx), sigma.cx),
+        ("cy (px)", Some(before.cy), Some(after.cy), sigma.cy),
+        ("k1", k1(before), k1(after), sigma.k1),
+        (
+            "lever x (m)",
+            Some(before.mount.position_in_body[0]),
+            Some(after.mount.position_in_body[0]),
+            sigma.lever_x,
+        ),
+        (
+            "lever y (m)",
+            Some(before.mount.position_in_body[1]),
+            Some(after.mount.position_in_body[1]),
+            sigma.lever_y,
+        ),
+    ];
+    for (name, before, after, sigma) in rows {
+        if let (Some(before), Some(after), Some(sigma)) = (before, after, sigma) {
+            // Writing into a String cannot fail.
+            let _ = writeln!(text, "{name:<12}{before:>14.5}{after:>14.5}{sigma:>12.5}");
+        }
+    }
+    text.push_str(&constants_table(&refinement.constants));
+    text
 }
 
 fn summary(run: &CalibrationRun, files: &[PathBuf]) -> String {

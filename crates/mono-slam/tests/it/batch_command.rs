@@ -81,6 +81,30 @@ fn a_run_is_solved_again_from_its_folder() {
         assert!((a - b).abs() < 1e-4, "{a} against {b}");
     }
 
+    // The camera refined over the run reads back with its sigmas, and prints before and after.
+    let camera = scratch.0.join("camera.toml");
+    let output = mono_slam(&[
+        "calibrate",
+        "--from-run",
+        run,
+        "--out",
+        camera.to_str().unwrap(),
+    ]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}");
+    assert!(
+        text.contains("before") && text.contains("fx (px)"),
+        "{text}"
+    );
+    let refined = slam_io::read_calibration(&camera, None, None).unwrap();
+    let sigma = refined.sigma.fx.unwrap();
+    assert!(sigma > 0.0 && sigma < 0.01 * refined.fx, "{sigma}");
+    assert!(
+        (refined.fx - 368.826_2).abs() < 3.0 * sigma,
+        "{}",
+        refined.fx
+    );
+
     let refused = |arguments: &[&str], code: i32, expected: &str| {
         let output = mono_slam(arguments);
         let message = String::from_utf8(output.stderr).unwrap();
@@ -96,6 +120,16 @@ fn a_run_is_solved_again_from_its_folder() {
         &["batch", run, "--out", run, "--max-ate", "0.0001"],
         3,
         "--max-ate allows 0.0001 m",
+    );
+    refused(
+        &["calibrate", "--from-run", "no/run", "--out", "camera.toml"],
+        2,
+        "map.slam: cannot be read",
+    );
+    refused(
+        &["calibrate", "--out", "camera.toml"],
+        2,
+        "required arguments were not provided",
     );
     fs::remove_file(folder.join("tracks.csv")).unwrap();
     refused(

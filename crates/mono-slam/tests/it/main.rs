@@ -11,4 +11,5 @@ mod calibration_files;
 mod commands;
 mod fixtures;
 mod recorded_board;
+mod refinement;
 mod smoothed_path;

@@ -244,15 +244,7 @@ fn two_drives_of_one_robot_share_their_constants() {
     let alone = solve(&first.problem).unwrap();
     let mut both = first.problem;
     let offset = both.keyframes.len();
-    both.keyframes
-        .extend(second.problem.keyframes.iter().cloned());
-    both.tracks
-        .extend(second.problem.tracks.iter().cloned().map(|mut t| {
-            for s in &mut t.sightings {
-                s.keyframe += offset;
-            }
-            t
-        }));
+    both.append(second.problem.clone());
     let together = solve(&both).unwrap();
     let sigma = |s: &Solution| s.learned(Constant::FocalScale).unwrap().sigma;
     assert!(sigma(&together) < 0.85 * sigma(&alone));

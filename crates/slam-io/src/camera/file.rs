@@ -4,6 +4,7 @@ use std::path::Path;
 
 use mono_geometry::{Camera, Distortion, GeometryError, Mount, Pinhole};
 use nalgebra::{Matrix3, Vector3};
+use serde::Deserialize;
 
 use crate::error::SequenceError;
 
@@ -29,6 +30,48 @@ pub struct CameraFile {
     pub distortion: Distortion,
     /// Pose of the camera in the body.
     pub mount: MountFile,
+    /// How well the numbers are known; formats of other tools have no place for it.
+    pub sigma: SigmaFile,
+}
+
+/// Standard deviations of the numbers of a camera file, `[sigma]` in `camera.toml`; `None` where nothing is known.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SigmaFile {
+    /// Focal length along columns, pixels.
+    pub fx: Option<f64>,
+    /// Focal length along rows, pixels.
+    pub fy: Option<f64>,
+    /// Column of the principal point, pixels.
+    pub cx: Option<f64>,
+    /// Row of the principal point, pixels.
+    pub cy: Option<f64>,
+    /// First lens coefficient.
+    pub k1: Option<f64>,
+    /// Turn of the mount about body z, radians.
+    pub mount_yaw: Option<f64>,
+    /// Position of the camera in the body, forward, metres.
+    pub lever_x: Option<f64>,
+    /// Position of the camera in the body, to the left, metres.
+    pub lever_y: Option<f64>,
+}
+
+impl SigmaFile {
+    /// The values that are known, with their names.
+    pub(super) fn known(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        [
+            ("fx", self.fx),
+            ("fy", self.fy),
+            ("cx", self.cx),
+            ("cy", self.cy),
+            ("k1", self.k1),
+            ("mount_yaw", self.mount_yaw),
+            ("lever_x", self.lever_x),
+            ("lever_y", self.lever_y),
+        ]
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)))
+    }
 }
 
 /// Pose of the camera in the body.

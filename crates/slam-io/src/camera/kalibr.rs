@@ -16,7 +16,7 @@ use super::yaml::Node;
 use crate::error::SequenceError;
 use mono_geometry::Distortion;
 
-use super::file::{CameraFile, MountFile, file_fault, number, numbers};
+use super::file::{CameraFile, MountFile, SigmaFile, file_fault, number, numbers};
 
 /// Whether some key holds a camera.
 pub(super) fn recognises(root: &Node<'_>) -> bool {
@@ -79,6 +79,7 @@ pub(super) fn parse(root: &Node<'_>, name: &str) -> Result<CameraFile, SequenceE
         cy,
         distortion,
         mount: MountFile::default(),
+        sigma: SigmaFile::default(),
     })
 }
 

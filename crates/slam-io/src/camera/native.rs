@@ -19,6 +19,9 @@
 //! [mount]            # optional; without it the camera looks along body x
 //! position_in_body = [0.0, 0.0, 0.1]
 //! rotation_body_from_camera = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+//!
+//! [sigma]            # optional: standard deviations, any of fx fy cx cy k1 mount_yaw lever_x lever_y
+//! fx = 0.9
 //! ```
 //!
 //! Body axes: x forward, y left, z up. Camera axes: x right, y down, z forward. The
@@ -36,7 +39,7 @@ use crate::error::SequenceError;
 use crate::text::{line_fault, read_text};
 use mono_geometry::Distortion;
 
-use super::file::{CameraFile, MountFile, file_fault, number, numbers};
+use super::file::{CameraFile, MountFile, SigmaFile, file_fault, number, numbers};
 
 /// Largest believed deviation of `R^T R` from the identity, entry by entry: four written decimals.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -77,8 +80,17 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError
         cy: raw.cy,
         distortion: Distortion::None,
         mount: MountFile::default(),
+        sigma: SigmaFile::default(),
     }
     .checked(path)?;
+    for (name, value) in raw.sigma.known() {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(fault((
+                format!("a finite {name} of at least 0 in [sigma]"),
+                value.to_string(),
+            )));
+        }
+    }
     Ok(CameraFile {
         distortion: match &raw.distortion {
             None => Distortion::None,
@@ -88,6 +100,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError
             None => MountFile::default(),
             Some(mount) => checked_mount(mount).map_err(fault)?,
         },
+        sigma: raw.sigma,
         ..camera
     })
 }
@@ -136,6 +149,13 @@ pub(super) fn text(camera: &CameraFile) -> String {
             numbers(&rows[2]),
         );
     }
+    let mut known = camera.sigma.known().peekable();
+    if known.peek().is_some() {
+        text.push_str("\n[sigma]\n");
+    }
+    for (name, value) in known {
+        let _ = writeln!(text, "{name} = {}", number(value));
+    }
     text
 }
 
@@ -151,6 +171,8 @@ struct RawCamera {
     cy: f64,
     distortion: Option<RawDistortion>,
     mount: Option<RawMount>,
+    #[serde(default)]
+    sigma: SigmaFile,
 }
 
 #[derive(Deserialize)]

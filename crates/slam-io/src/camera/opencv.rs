@@ -26,7 +26,9 @@ use super::yaml::Node;
 use crate::error::SequenceError;
 use mono_geometry::Distortion;
 
-use super::file::{CameraFile, MountFile, lens_from_opencv, number, numbers, opencv_coefficients};
+use super::file::{
+    CameraFile, MountFile, SigmaFile, lens_from_opencv, number, numbers, opencv_coefficients,
+};
 
 const MATRIX: [&str; 3] = ["camera_matrix", "cameraMatrix", "Camera_Matrix"];
 const COEFFICIENTS: [&str; 3] = [
@@ -76,6 +78,7 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
         cy,
         distortion,
         mount: MountFile::default(),
+        sigma: SigmaFile::default(),
     })
 }
 

@@ -19,7 +19,9 @@ use super::yaml::Node;
 use crate::error::SequenceError;
 use mono_geometry::Distortion;
 
-use super::file::{CameraFile, MountFile, lens_from_opencv, number, numbers, opencv_coefficients};
+use super::file::{
+    CameraFile, MountFile, SigmaFile, lens_from_opencv, number, numbers, opencv_coefficients,
+};
 
 pub(super) fn recognises(root: &Node<'_>) -> bool {
     root.get("camera_matrix").is_some() && root.get("distortion_model").is_some()
@@ -54,6 +56,7 @@ pub(super) fn parse(root: &Node<'_>) -> Result<CameraFile, SequenceError> {
         cy,
         distortion,
         mount: MountFile::default(),
+        sigma: SigmaFile::default(),
     })
 }
 

@@ -7,7 +7,7 @@ use mono_geometry::{Camera, Distortion};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::test_runner::Config;
-use slam_io::{CameraFile, CameraFormat, MountFile, calibration_text, read_calibration};
+use slam_io::{CameraFile, CameraFormat, MountFile, SigmaFile, calibration_text, read_calibration};
 
 use crate::common::ScratchFolder;
 
@@ -34,6 +34,36 @@ fn camera(distortion: Distortion) -> CameraFile {
         cy: 248.375,
         distortion,
         mount: MountFile::default(),
+        sigma: SigmaFile::default(),
+    }
+}
+
+#[test]
+fn standard_deviations_are_kept_by_camera_toml_alone() {
+    let folder = ScratchFolder::new();
+    let known = CameraFile {
+        sigma: SigmaFile {
+            fx: Some(1.0 / 3.0),
+            mount_yaw: Some(2e-3),
+            ..SigmaFile::default()
+        },
+        ..camera(radtan(0.0))
+    };
+    let path = folder.path().join("camera.toml");
+    let text = calibration_text(&known, CameraFormat::Toml).unwrap();
+    fs::write(&path, &text).unwrap();
+    assert_eq!(read_calibration(&path, None, None).unwrap(), known);
+    // Without any there is no section.
+    let plain = calibration_text(&camera(radtan(0.0)), CameraFormat::Toml).unwrap();
+    assert!(!plain.contains("[sigma]"), "{plain}");
+    for (value, expected) in [
+        ("fx = -1.0", "a finite fx of at least 0 in [sigma]"),
+        ("cy = nan", "a finite cy of at least 0 in [sigma]"),
+        ("fz = 1.0", "unknown field"),
+    ] {
+        fs::write(&path, format!("{plain}\n[sigma]\n{value}\n")).unwrap();
+        let error = read_calibration(&path, None, None).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
     }
 }
 
