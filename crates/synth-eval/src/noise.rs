@@ -1,7 +1,8 @@
 //! The odometry noise of the generated scenes, stated as the configuration asks for it.
 //!
 //! It is not guessed: it is the white noise that the generator put into its rows. The generator's constant turn-rate
-//! offset has no counterpart in the configuration and stays unmodelled, for everybody.
+//! offset has no counterpart in the configuration and stays unmodelled, for everybody; so do the effects of a scene's
+//! carrier, its random slip included.
 
 use slam_pipeline::config::OdometrySection;
 use wall_scenes::{FRAME_PERIOD_S, OdometryNoise, ROWS_PER_FRAME};

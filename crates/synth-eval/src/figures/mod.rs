@@ -152,7 +152,7 @@ fn page(figures: &[Figure]) -> String {
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>The paper's figures</title>\n\
          <style>{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>The paper’s figures</h1>\n\
-         <p>Made anew on rendered scenes; the numbers are the paper’s.</p>\n"
+         <p>Made anew on rendered scenes, numbered as in the paper.</p>\n"
     );
     for figure in figures {
         let _ = write!(
