@@ -7,6 +7,9 @@ use slam_io::{LearnedValue, Sequence, SmootherRecord, TrackRow};
 use slam_pipeline::config::{Method, ValidConfig};
 use slam_pipeline::{OdometryInterval, Rig};
 
+/// Keyframes beyond which a run does not wait for its batch: the dense system of so many takes some ten seconds and half
+/// a gigabyte.
+const MAX_KEYFRAMES: usize = 600;
 /// Names in `summary.json`.
 const BATCH: &str = "batch";
 const BEST_PARTICLE: &str = "best particle";
@@ -45,6 +48,13 @@ pub(crate) fn smoothed(
     };
     if config.filter.method != Method::Exact {
         let note = format!("the method {} is not smoothed", config.filter.method.name());
+        return (best, otherwise(note));
+    }
+    let keyframes = recording.keyframes().len();
+    if keyframes > MAX_KEYFRAMES {
+        let note = format!(
+            "{keyframes} keyframes, a run solves at most {MAX_KEYFRAMES} at once; mono-slam batch solves any number"
+        );
         return (best, otherwise(note));
     }
     match batch(&recording.problem(rig, Model::of(config), &best)) {
@@ -109,4 +119,49 @@ pub(crate) fn track_rows(recording: &Recording) -> Vec<TrackRow> {
         .collect();
     rows.sort_by_key(|row| (row.frame, row.landmark));
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mono_geometry::{Camera, Distortion, Mount, Pinhole};
+    use slam_pipeline::config::Config;
+
+    fn rig() -> Rig {
+        let pinhole = Pinhole {
+            width: 320,
+            height: 240,
+            fx: 300.0,
+            fy: 300.0,
+            cx: 160.0,
+            cy: 120.0,
+        };
+        Rig {
+            camera: Camera::new(pinhole, Distortion::None).expect("a camera"),
+            mount: Mount::forward(),
+        }
+    }
+
+    #[test]
+    fn without_a_batch_the_path_is_that_of_the_best_particle_and_says_why() {
+        let config = Config::default().check().expect("valid");
+        for (frames, reason) in [
+            (1, "at least 2 keyframes, found 1"),
+            (3, "no landmark was seen from two keyframes"),
+            (601, "601 keyframes, a run solves at most 600 at once"),
+        ] {
+            let mut recording = Recording::default();
+            let mut best = Vec::new();
+            for i in 0..frames {
+                let pose = Se2::new(0.1 * f64::from(i), 0.0, 0.0);
+                recording.push_frame(pose, true, &[], []);
+                best.push(pose);
+            }
+            let (path, smoother) = smoothed(&recording, rig(), &config, best.clone());
+            assert_eq!(path, best);
+            assert_eq!(smoother.method, BEST_PARTICLE);
+            let note = smoother.note.expect("a reason");
+            assert!(note.contains(reason), "{note}");
+        }
+    }
 }
