@@ -8,13 +8,15 @@
 //! sample k the motion is the product of exp((u_k + n_k) dt_k), and to first order the covariance in the tangent at
 //! the right of the mean follows the recursion
 //!
-//! > P <- Ad(step^-1) P Ad(step^-1)^T + J_r (dt^2 Q_k) J_r^T,
+//! > P <- Ad(step^-1) P Ad(step^-1)^T + J_r Q_k J_r^T,
 //!
-//! with J_r the right Jacobian of SE(2) at u_k dt_k. The noise is white per *sample*: a standard deviation is that of one
-//! row of the odometry, so the same ratio at twice the rate gives a path sqrt(2) surer.
+//! with J_r the right Jacobian of SE(2) at u_k dt_k. The noise is a white process in time and in distance: variances grow
+//! with the seconds and the metres of a sample, so the covariance of a path does not depend on how many samples report it.
+//! The same recursion without the noise carries the effect of a constant error of the turning rate along
+//! ([`Increment::turn_bias_gain`]).
 //!
-//! Degenerate: a robot at rest has no motion noise but the floors; without them its covariance is singular. The
-//! mean leaves out the second-order shortening by sigma_w^2 / 2 of the path, below 1e-3 while the heading noise of an
+//! Degenerate: a robot at rest has no motion noise but that of time, and sideways none at all: the covariance is
+//! singular. The mean leaves out the second-order shortening by sigma_w^2 / 2 of the path, below 1e-3 while the heading noise of an
 //! increment is below 0.04 rad.
 
 use estimation_base::{Se2, symmetric};
@@ -51,55 +53,49 @@ pub struct OdometrySample {
     pub omega_radps: f64,
 }
 
-/// Standard deviations of the noise of one odometry sample; terms of one quantity add in squares.
+/// Noise of wheel odometry as a white process: standard deviations after one second, metre or radian.
 ///
-/// All values finite and not negative; every one may be zero.
+/// They grow with the square root of time, distance and turn; terms of one quantity add in squares. All values are finite
+/// and not negative; every one may be zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlNoise {
-    /// Speed noise per |v|, without unit.
-    pub v_ratio: f64,
-    /// Speed noise at rest, m/s.
-    pub v_floor_mps: f64,
-    /// Sideways speed noise (slip) per |v|, without unit.
-    pub lateral_ratio: f64,
-    /// Sideways speed noise at rest, m/s.
-    pub lateral_floor_mps: f64,
-    /// Turning-rate noise per |omega|, without unit.
-    pub omega_ratio: f64,
-    /// Turning-rate noise per |v|, rad/m.
-    pub omega_per_v: f64,
-    /// Turning-rate noise at rest, rad/s.
-    pub omega_floor_radps: f64,
-    /// Added once per increment to both position axes, metres: keeps the covariance regular at rest.
-    pub increment_floor_m: f64,
-    /// Added once per increment to the heading, radians.
-    pub increment_floor_rad: f64,
+    /// Forward, per square root of the distance driven: m / sqrt(m).
+    pub forward_per_sqrt_m: f64,
+    /// Forward, per square root of the time: m / sqrt(s).
+    pub forward_per_sqrt_s: f64,
+    /// Sideways (slip), per square root of the distance driven: m / sqrt(m).
+    pub sideways_per_sqrt_m: f64,
+    /// Heading, per square root of the angle turned: rad / sqrt(rad).
+    pub turn_per_sqrt_rad: f64,
+    /// Heading, per square root of the distance driven: rad / sqrt(m).
+    pub turn_per_sqrt_m: f64,
+    /// Heading, per square root of the time: rad / sqrt(s).
+    pub turn_per_sqrt_s: f64,
 }
 
 impl ControlNoise {
     /// No noise at all.
     pub const ZERO: Self = Self {
-        v_ratio: 0.0,
-        v_floor_mps: 0.0,
-        lateral_ratio: 0.0,
-        lateral_floor_mps: 0.0,
-        omega_ratio: 0.0,
-        omega_per_v: 0.0,
-        omega_floor_radps: 0.0,
-        increment_floor_m: 0.0,
-        increment_floor_rad: 0.0,
+        forward_per_sqrt_m: 0.0,
+        forward_per_sqrt_s: 0.0,
+        sideways_per_sqrt_m: 0.0,
+        turn_per_sqrt_rad: 0.0,
+        turn_per_sqrt_m: 0.0,
+        turn_per_sqrt_s: 0.0,
     };
 
-    /// Variances of (forward speed, sideways speed, turning rate) of one sample; (m/s)^2, (m/s)^2, (rad/s)^2.
+    /// Variances of (forward, sideways, turn) of a sample held for `dt_s` seconds; m^2, m^2, rad^2.
     #[must_use]
-    pub fn variances(&self, v_mps: f64, omega_radps: f64) -> Vector3<f64> {
+    pub fn variances(&self, v_mps: f64, omega_radps: f64, dt_s: f64) -> Vector3<f64> {
         let square = |x: f64| x * x;
+        let distance_m = (v_mps * dt_s).abs();
+        let turn_rad = (omega_radps * dt_s).abs();
         Vector3::new(
-            square(self.v_ratio * v_mps) + square(self.v_floor_mps),
-            square(self.lateral_ratio * v_mps) + square(self.lateral_floor_mps),
-            square(self.omega_ratio * omega_radps)
-                + square(self.omega_per_v * v_mps)
-                + square(self.omega_floor_radps),
+            square(self.forward_per_sqrt_m) * distance_m + square(self.forward_per_sqrt_s) * dt_s,
+            square(self.sideways_per_sqrt_m) * distance_m,
+            square(self.turn_per_sqrt_rad) * turn_rad
+                + square(self.turn_per_sqrt_m) * distance_m
+                + square(self.turn_per_sqrt_s) * dt_s,
         )
     }
 
@@ -109,15 +105,12 @@ impl ControlNoise {
     /// [`GeometryError::InvalidParameter`].
     pub fn check(&self) -> Result<(), GeometryError> {
         let named = [
-            ("v_ratio", self.v_ratio),
-            ("v_floor_mps", self.v_floor_mps),
-            ("lateral_ratio", self.lateral_ratio),
-            ("lateral_floor_mps", self.lateral_floor_mps),
-            ("omega_ratio", self.omega_ratio),
-            ("omega_per_v", self.omega_per_v),
-            ("omega_floor_radps", self.omega_floor_radps),
-            ("increment_floor_m", self.increment_floor_m),
-            ("increment_floor_rad", self.increment_floor_rad),
+            ("forward_per_sqrt_m", self.forward_per_sqrt_m),
+            ("forward_per_sqrt_s", self.forward_per_sqrt_s),
+            ("sideways_per_sqrt_m", self.sideways_per_sqrt_m),
+            ("turn_per_sqrt_rad", self.turn_per_sqrt_rad),
+            ("turn_per_sqrt_m", self.turn_per_sqrt_m),
+            ("turn_per_sqrt_s", self.turn_per_sqrt_s),
         ];
         for (name, value) in named {
             checked(name, value, "finite and not negative", |v| v >= 0.0)?;
@@ -133,6 +126,9 @@ pub struct Increment {
     pub mean: Se2,
     /// Covariance of (dx, dy, dphi) in the body axes of the end pose; m^2, m rad, rad^2.
     pub covariance: Matrix3<f64>,
+    /// Derivative of (dx, dy, dphi), body axes of the end pose, with respect to a constant addition to the turning rate:
+    /// m s / rad, m s / rad, s.
+    pub turn_bias_gain: Vector3<f64>,
 }
 
 impl Increment {
@@ -145,13 +141,14 @@ impl Increment {
             covariance: symmetric(
                 &(adjoint * self.covariance * adjoint.transpose() + next.covariance),
             ),
+            turn_bias_gain: adjoint * self.turn_bias_gain + next.turn_bias_gain,
         }
     }
 }
 
 /// Chains samples, each held for its duration in seconds, into one increment. O(samples).
 ///
-/// No samples: the identity with the floors as its covariance.
+/// No samples: the identity without noise.
 ///
 /// # Errors
 /// [`GeometryError::InvalidParameter`] for a speed or rate that is not finite, a duration that is negative or not
@@ -164,6 +161,7 @@ pub fn accumulate(
     let mut total = Increment {
         mean: Se2::identity(),
         covariance: Matrix3::zeros(),
+        turn_bias_gain: Vector3::zeros(),
     };
     for (sample, duration_s) in samples_with_durations {
         let v = checked("odometry v (m/s)", sample.v_mps, "finite", |_| true)?;
@@ -180,16 +178,14 @@ pub fn accumulate(
             |d| d >= 0.0,
         )?;
         let twist = Vector3::new(v * dt, 0.0, omega * dt);
-        let jacobian = Se2::right_jacobian(&twist) * dt;
-        let controls = Matrix3::from_diagonal(&noise.variances(v, omega));
+        let jacobian = Se2::right_jacobian(&twist);
+        let controls = Matrix3::from_diagonal(&noise.variances(v, omega, dt));
         total = total.then(&Increment {
             mean: Se2::exp(&twist),
             covariance: jacobian * controls * jacobian.transpose(),
+            turn_bias_gain: jacobian * Vector3::new(0.0, 0.0, dt),
         });
     }
-    let position = noise.increment_floor_m * noise.increment_floor_m;
-    let heading = noise.increment_floor_rad * noise.increment_floor_rad;
-    total.covariance += Matrix3::from_diagonal(&Vector3::new(position, position, heading));
     // Finite controls can still overflow: an infinity times zero is the NaN that would poison a filter.
     let required = "finite: speeds, rates or noise are too large";
     for value in [total.mean.x, total.mean.y, total.mean.phi] {

@@ -3,7 +3,7 @@
 
 use mono_geometry::motion::{ControlNoise, Increment, OdometrySample, accumulate, paper_euler};
 use mono_geometry::{GeometryError, Se2};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::config::OdometrySection;
 use crate::method::MotionStep;
@@ -26,6 +26,8 @@ pub struct Control {
     pub increment: Se2,
     /// Covariance of (dx, dy, dphi).
     pub covariance: Matrix3<f64>,
+    /// Derivative of (dx, dy, dphi) with respect to a constant addition to the turn rate: m s / rad, m s / rad, s.
+    pub turn_bias_gain: Vector3<f64>,
     /// Seconds between the steps.
     pub dt_s: f64,
     /// Metres driven between the steps.
@@ -49,6 +51,7 @@ const REST: Increment = Increment {
         phi: 0.0,
     },
     covariance: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    turn_bias_gain: Vector3::new(0.0, 0.0, 0.0),
 };
 
 impl Odometer {
@@ -64,15 +67,12 @@ impl Odometer {
         Self {
             step,
             noise: ControlNoise {
-                v_ratio: noise.velocity_noise_ratio,
-                v_floor_mps: noise.velocity_noise_mps,
-                lateral_ratio: noise.slip_ratio,
-                lateral_floor_mps: 0.0,
-                omega_ratio: noise.turn_noise_ratio,
-                omega_per_v: 0.0,
-                omega_floor_radps: noise.turn_noise_radps,
-                increment_floor_m: 0.0,
-                increment_floor_rad: 0.0,
+                forward_per_sqrt_m: noise.forward_per_sqrt_m,
+                forward_per_sqrt_s: noise.forward_per_sqrt_s,
+                sideways_per_sqrt_m: noise.sideways_per_sqrt_m,
+                turn_per_sqrt_rad: noise.turn_per_sqrt_rad,
+                turn_per_sqrt_m: noise.turn_per_sqrt_m,
+                turn_per_sqrt_s: noise.turn_per_sqrt_s,
             },
             increment: REST,
             dt_s: 0.0,
@@ -87,7 +87,7 @@ impl Odometer {
         self.distance_m = 0.0;
     }
 
-    /// Adds an interval, its noise white in (v, omega) and independent of the others'.
+    /// Adds an interval, its noise independent of that of the others.
     ///
     /// # Errors
     /// [`GeometryError`] for numbers that are not finite.
@@ -117,6 +117,7 @@ impl Odometer {
         Control {
             increment: mean,
             covariance: turn * self.increment.covariance * turn.transpose(),
+            turn_bias_gain: turn * self.increment.turn_bias_gain,
             dt_s: self.dt_s,
             distance_m: self.distance_m,
         }

@@ -50,16 +50,18 @@ pub struct FilterSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OdometrySection {
-    /// Noise of v per row, share of |v|.
-    pub velocity_noise_ratio: f64,
-    /// Noise of v per row, m/s.
-    pub velocity_noise_mps: f64,
-    /// Noise of omega per row, share of |omega|.
-    pub turn_noise_ratio: f64,
-    /// Noise of omega per row, rad/s.
-    pub turn_noise_radps: f64,
-    /// Sideways slip per row, share of |v|.
-    pub slip_ratio: f64,
+    /// Forward noise, m per square root of a metre.
+    pub forward_per_sqrt_m: f64,
+    /// Forward noise, m per square root of a second.
+    pub forward_per_sqrt_s: f64,
+    /// Sideways slip, m per square root of a metre.
+    pub sideways_per_sqrt_m: f64,
+    /// Turn noise, rad per square root of a radian.
+    pub turn_per_sqrt_rad: f64,
+    /// Turn noise, rad per square root of a metre.
+    pub turn_per_sqrt_m: f64,
+    /// Turn noise, rad per square root of a second.
+    pub turn_per_sqrt_s: f64,
     /// Constant scale error of the odometry, standard deviation.
     pub scale_bias: f64,
 }
@@ -78,6 +80,10 @@ pub struct CarrierSection {
     pub scale_drift: f64,
     /// Scale at the start, standard deviation.
     pub scale_sigma: f64,
+    /// Constant error of the turn rate, standard deviation, rad/s.
+    pub turn_bias_sigma: f64,
+    /// How far ahead of the body origin the point lies that does not slip, standard deviation, metres.
+    pub turning_centre_sigma_m: f64,
 }
 
 /// `[features]`
@@ -132,12 +138,12 @@ pub struct MappingSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct KeyframesSection {
-    /// Median pixel motion that makes a filter step.
-    pub min_flow_px: f64,
+    /// Median parallax that makes a filter step, pixels.
+    pub min_parallax_px: f64,
     /// Share of the last keyframe's matches below which a step is made.
     pub min_overlap: f64,
-    /// Frames between filter steps, at most.
-    pub max_gap: u32,
+    /// Seconds between filter steps, at most.
+    pub max_gap_s: f64,
 }
 
 /// Everything a run can be told.
@@ -177,11 +183,12 @@ impl Default for FilterSection {
 impl Default for OdometrySection {
     fn default() -> Self {
         Self {
-            velocity_noise_ratio: 0.05,
-            velocity_noise_mps: 0.005,
-            turn_noise_ratio: 0.05,
-            turn_noise_radps: 0.03,
-            slip_ratio: 0.01,
+            forward_per_sqrt_m: 0.01,
+            forward_per_sqrt_s: 0.0016,
+            sideways_per_sqrt_m: 0.006,
+            turn_per_sqrt_rad: 0.01,
+            turn_per_sqrt_m: 0.0,
+            turn_per_sqrt_s: 0.0095,
             scale_bias: 0.01,
         }
     }
@@ -195,6 +202,8 @@ impl Default for CarrierSection {
             slope_sigma: 0.01,
             scale_drift: 0.01,
             scale_sigma: 0.05,
+            turn_bias_sigma: 0.002,
+            turning_centre_sigma_m: 0.02,
         }
     }
 }
@@ -238,9 +247,9 @@ impl Default for MappingSection {
 impl Default for KeyframesSection {
     fn default() -> Self {
         Self {
-            min_flow_px: 8.0,
+            min_parallax_px: 8.0,
             min_overlap: 0.5,
-            max_gap: 20,
+            max_gap_s: 10.0,
         }
     }
 }

@@ -2,27 +2,30 @@
 //!
 //! A camera measures no length: scaling the camera path and the map by one factor changes no pixel. Only odometry
 //! measures the factor, and given the path its information about it is Gaussian. So the particle's path and map live
-//! in a unit of their own, and the particle carries y = (s, p_x, p_y) ~ N(mean, covariance): the metres per unit and
-//! the metric position of the body, conditional on the path. Sampling the path and solving y in closed form is one
-//! more Rao-Blackwellisation; its cost does not depend on the size of the map, and every odometry reading renews the
-//! scale. Methods without an open scale start with a zero covariance, which keeps s = 1.
+//! in a unit of their own, and the particle carries y = (s, p_x, p_y, b, kappa) ~ N(mean, covariance): the metres per unit,
+//! the metric position of the body, and two constants of the carrier, the bias of its turn rate and the distance from
+//! the body origin ahead to the point that does not slip, all conditional on the path. Sampling the path and solving y
+//! in closed form is one more Rao-Blackwellisation; its cost does not depend on the size of the map, and every odometry
+//! reading renews the constants. Methods without these freedoms start with a zero covariance, which keeps s = 1, b = 0 and
+//! kappa = 0.
 
 use estimation_base::Manifold;
 use mono_geometry::Se2;
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::motion::MotionPrior;
+use super::motion::{CONSTANTS, CarrierModel, MotionPrior};
 use super::pose::{CameraPose, PoseStep};
 
-/// Gaussian over the metric scale and the metric position of the body, given the path.
-///
-/// The axes are [`MetricState::SCALE`] (metres per unit), [`MetricState::X`] and [`MetricState::Y`] (metres).
+/// Number of axes of the metric state.
+const AXES: usize = 5;
+
+/// Gaussian over the metric position of the body and the constants of the carrier, given the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct MetricState {
-    /// Mean over (scale, x, y).
-    pub(crate) mean: Vector3<f64>,
-    /// Covariance over (scale, x, y).
-    pub(crate) covariance: Matrix3<f64>,
+    /// Mean over the axes.
+    pub(crate) mean: SVector<f64, AXES>,
+    /// Covariance over the axes.
+    pub(crate) covariance: SMatrix<f64, AXES, AXES>,
 }
 
 impl MetricState {
@@ -32,28 +35,45 @@ impl MetricState {
     pub(crate) const X: usize = 1;
     /// Axis of the body's y, metres.
     pub(crate) const Y: usize = 2;
+    /// Axis of the bias of the turn rate, rad/s.
+    pub(crate) const TURN_BIAS: usize = 3;
+    /// Axis of the distance from the body origin ahead to the point that does not slip, metres.
+    pub(crate) const TURNING_CENTRE: usize = 4;
+    /// The axes of the constants, in the order of [`super::motion::ConstantGains`].
+    const CONSTANTS: [usize; 3] = [Self::SCALE, Self::TURN_BIAS, Self::TURNING_CENTRE];
 
-    /// One metre per unit with standard deviation `scale_sigma`, at the origin.
+    /// At the origin, with the constants of `carrier` as uncertain as it says.
     #[must_use]
-    pub(crate) fn new(scale_sigma: f64) -> Self {
-        let mut covariance = Matrix3::zeros();
-        covariance[(Self::SCALE, Self::SCALE)] = scale_sigma * scale_sigma;
-        Self {
-            mean: Vector3::new(1.0, 0.0, 0.0),
-            covariance,
+    pub(crate) fn new(carrier: &CarrierModel) -> Self {
+        let mut mean = SVector::zeros();
+        mean[Self::SCALE] = 1.0;
+        let mut covariance = SMatrix::zeros();
+        for (axis, sigma) in Self::CONSTANTS.into_iter().zip([
+            carrier.scale_sigma,
+            carrier.turn_bias_sigma,
+            carrier.turning_centre_sigma_m,
+        ]) {
+            covariance[(axis, axis)] = sigma * sigma;
         }
+        Self { mean, covariance }
+    }
+
+    /// The constants of the carrier: scale, turn-rate bias (rad/s), turning centre (m).
+    #[must_use]
+    pub(crate) fn constants(&self) -> Vector3<f64> {
+        Vector3::from_fn(|i, _| self.mean[Self::CONSTANTS[i]])
+    }
+
+    /// Covariance of the constants.
+    #[must_use]
+    pub(crate) fn constants_covariance(&self) -> Matrix3<f64> {
+        Matrix3::from_fn(|i, j| self.covariance[(Self::CONSTANTS[i], Self::CONSTANTS[j])])
     }
 
     /// The most likely number of metres per unit.
     #[must_use]
     pub(crate) fn scale(&self) -> f64 {
         self.mean[Self::SCALE]
-    }
-
-    /// Variance of the scale.
-    #[must_use]
-    pub(crate) fn scale_variance(&self) -> f64 {
-        self.covariance[(Self::SCALE, Self::SCALE)]
     }
 
     /// Mean position of the body, metres.
@@ -70,24 +90,27 @@ impl MetricState {
 
     /// The state after the pose of the frame is known.
     ///
-    /// `prior` is the motion prior under which the pose was proposed. Its gain g = d pose / d s makes (pose, s) jointly
-    /// Gaussian, so knowing the pose is a linear measurement of s. Then p += s dc - (R_t - R_{t-1}) l.
+    /// `prior` is the motion prior under which the pose was proposed. Its gains G = d pose / d (s, b, kappa) make the pose
+    /// and the constants jointly Gaussian, so knowing the pose is a linear measurement of them. Then
+    /// p += s dc - (R_t - R_{t-1}) l, with the lever arm of the body origin, wherever the wheels turn.
     #[must_use]
     pub(crate) fn condition_on_pose(&self, prior: &MotionPrior, pose: &CameraPose) -> Self {
         let mut mean = self.mean;
         let mut covariance = self.covariance;
         covariance[(Self::SCALE, Self::SCALE)] += prior.scale_drift_variance;
-        if covariance[(Self::SCALE, Self::SCALE)] > 0.0 {
+        if Self::CONSTANTS.iter().any(|c| covariance[(*c, *c)] > 0.0) {
             let innovation: PoseStep = prior.mean.local(pose);
             // Whitened by the factor of P = A A^T: one solve serves K and S.
-            if let (Some(w_innovation), Some(w_gain)) = (
+            if let (Some(w_innovation), Some(w_gains)) = (
                 prior.factor.solve_lower_triangular(&innovation),
-                prior.factor.solve_lower_triangular(&prior.scale_gain),
+                prior.factor.solve_lower_triangular(&prior.gains),
             ) {
-                let cross = covariance.column(Self::SCALE).into_owned();
-                let gain = cross * w_gain.dot(&w_innovation);
-                mean += gain;
-                covariance -= cross * cross.transpose() * w_gain.norm_squared();
+                let cross = SMatrix::<f64, AXES, CONSTANTS>::from_fn(|i, j| {
+                    covariance[(i, Self::CONSTANTS[j])]
+                });
+                let gain = cross * w_gains.transpose();
+                mean += gain * w_innovation;
+                covariance -= gain * gain.transpose();
             }
         }
         let step = Vector2::new(
@@ -95,7 +118,9 @@ impl MetricState {
             pose.centre.y - prior.from.centre.y,
         );
         let turn = prior.lever_displacement(pose.phi);
-        let transition = Matrix3::new(1.0, 0.0, 0.0, step.x, 1.0, 0.0, step.y, 0.0, 1.0);
+        let mut transition = SMatrix::<f64, AXES, AXES>::identity();
+        transition[(Self::X, Self::SCALE)] = step.x;
+        transition[(Self::Y, Self::SCALE)] = step.y;
         let mut mean = transition * mean;
         mean[Self::X] -= turn.x;
         mean[Self::Y] -= turn.y;

@@ -3,8 +3,10 @@
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
-//! [`proposal`], [`evolution`], [`landmark_update`], [`mapping`], [`drift`].
+//! [`proposal`], [`evolution`], [`landmark_update`], [`mapping`], [`adaptation`],
+//! [`drift`].
 
+pub(crate) mod adaptation;
 pub(crate) mod drift;
 pub(crate) mod evolution;
 pub(crate) mod first_order;

@@ -3,28 +3,37 @@
 //! The body motion (dx, dy, dphi) in the previous body frame comes with a covariance from the velocity model (Eq. 25,
 //! exact arc). The camera sits at l in the body, and lengths are in the particle's unit of s metres:
 //! c_t = c_{t-1} + (R(phi) d + (R(phi + dphi) - R(phi)) l) / s.
-//! The scale s is itself Gaussian in the particle, so the prior covariance is J Q J^T + g g^T Var(s), with g = dc/ds.
+//! Three constants of the carrier are Gaussian in the particle (see `metric`): the scale s, a bias b of the turn rate,
+//! and the distance kappa from the body origin ahead to the point that does not slip. Wheels that turn about that point
+//! move the origin by d - kappa (R(dphi) - I) e_x. With the gains G = d pose / d (s, b, kappa) and the joint covariance M of
+//! the constants, the covariance of the prior is J Q J^T + G M G^T.
 //! Roll and pitch revert to zero and the height follows the slope of the floor; odometry measures neither.
 
 use estimation_base::Manifold;
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
-use mono_geometry::Se2;
 
 use crate::odometry::Control;
 
-use super::pose::{CameraPose, PLANAR, PoseMatrix, PoseStep};
+use super::pose::{CameraPose, PLANAR, POSE_DIM, PoseMatrix};
 
 /// Where the motion of a particle starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Departure {
     /// Pose at the last filter step.
     pub(crate) pose: CameraPose,
-    /// Metres per unit of length of the particle.
-    pub(crate) scale: f64,
-    /// Variance of the scale.
-    pub(crate) scale_variance: f64,
+    /// The constants of the carrier: metres per unit of length of the particle, bias of the turn rate (rad/s), and
+    /// distance from the body origin ahead to the point that does not slip (m).
+    pub(crate) constants: Vector3<f64>,
+    /// Their covariance.
+    pub(crate) constants_covariance: Matrix3<f64>,
 }
+
+/// Number of constants of the carrier.
+pub(crate) const CONSTANTS: usize = 3;
+
+/// d pose / d (scale, turn-rate bias, turning centre).
+pub(crate) type ConstantGains = SMatrix<f64, POSE_DIM, CONSTANTS>;
 
 /// The freedoms of the carrier that odometry does not measure.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +49,38 @@ pub(crate) struct CarrierModel {
     /// Standard deviation of the scale at the start, relative; zero switches
     /// the marginalised scale off.
     pub(crate) scale_sigma: f64,
+    /// Standard deviation of the turn-rate bias at the start, rad/s.
+    pub(crate) turn_bias_sigma: f64,
+    /// Standard deviation of the turning centre at the start, metres.
+    pub(crate) turning_centre_sigma_m: f64,
+    /// Factors of the process noise that the innovations ask for.
+    pub(crate) noise: NoiseFactors,
+}
+
+/// Factors of the standard deviation of the process noise, by body axis; one where the stated noise is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct NoiseFactors {
+    /// Sideways.
+    pub(crate) sideways: f64,
+    /// Height.
+    pub(crate) height: f64,
+    /// Heading.
+    pub(crate) heading: f64,
+    /// Roll.
+    pub(crate) roll: f64,
+    /// Pitch.
+    pub(crate) pitch: f64,
+}
+
+impl NoiseFactors {
+    /// The stated noise.
+    pub(crate) const NOMINAL: Self = Self {
+        sideways: 1.0,
+        height: 1.0,
+        heading: 1.0,
+        roll: 1.0,
+        pitch: 1.0,
+    };
 }
 
 /// Floors that keep the prior covariance positive definite: a tenth of a
@@ -59,8 +100,8 @@ pub(crate) struct MotionPrior {
     pub(crate) mean: CameraPose,
     /// Lower Cholesky factor of the covariance.
     pub(crate) factor: PoseMatrix,
-    /// d pose / d s.
-    pub(crate) scale_gain: PoseStep,
+    /// d pose / d (scale, turn-rate bias, turning centre).
+    pub(crate) gains: ConstantGains,
     /// Variance added to the scale by its drift over the step.
     pub(crate) scale_drift_variance: f64,
     lever_m: Vector2<f64>,
@@ -97,18 +138,22 @@ impl CarrierModel {
         control: &Control,
     ) -> MotionPrior {
         let Departure {
-            pose: from, scale, ..
+            pose: from,
+            constants,
+            constants_covariance,
         } = *departure;
-        let Se2 {
-            x: dx,
-            y: dy,
-            phi: dphi,
-        } = control.increment;
+        let [scale, turn_bias, centre_m] = constants.into();
+        let d = Vector3::new(
+            control.increment.x,
+            control.increment.y,
+            control.increment.phi,
+        ) + control.turn_bias_gain * turn_bias;
         let (sin, cos) = from.phi.sin_cos();
-        let turned = from.phi + dphi;
-        let lever_shift = rotate(turned, lever_m) - rotate(from.phi, lever_m);
-        let metric_step = rotate(from.phi, &Vector2::new(dx, dy)) + lever_shift;
-        let step = metric_step / scale;
+        let turned = from.phi + d.z;
+        // The camera as seen from the point that does not slip.
+        let lever = lever_m - Vector2::new(centre_m, 0.0);
+        let turn = |v: &Vector2<f64>| rotate(turned, v) - rotate(from.phi, v);
+        let step = (rotate(from.phi, &d.xy()) + turn(&lever)) / scale;
 
         let keep = if self.tilt_time_s > 0.0 {
             (-control.dt_s / self.tilt_time_s).exp()
@@ -123,7 +168,7 @@ impl CarrierModel {
         mean.pitch *= keep;
 
         // d(c_x, c_y, phi) / d(dx, dy, dphi)
-        let lever_rate = rotate(turned, &Vector2::new(-lever_m.y, lever_m.x));
+        let lever_rate = rotate(turned, &Vector2::new(-lever.y, lever.x));
         let jacobian = Matrix3::new(
             cos / scale,
             -sin / scale,
@@ -135,25 +180,38 @@ impl CarrierModel {
             0.0,
             1.0,
         );
-        let planar = jacobian * control.covariance * jacobian.transpose();
-        let mut scale_gain = PoseStep::zeros();
-        scale_gain[0] = -step.x / scale;
-        scale_gain[1] = -step.y / scale;
-        let (scale_drift_variance, scale_variance) = if self.scale_sigma > 0.0 {
-            let drift = self.scale_drift * self.scale_drift * control.distance_m * scale * scale;
-            (drift, departure.scale_variance + drift)
-        } else {
-            (0.0, 0.0)
-        };
+        let of_bias = jacobian * control.turn_bias_gain;
+        let of_centre = -turn(&Vector2::x()) / scale;
+        let mut gains = ConstantGains::zeros();
+        for (i, gain) in [
+            Vector3::new(-step.x, -step.y, 0.0) / scale,
+            of_bias,
+            Vector3::new(of_centre.x, of_centre.y, 0.0),
+        ]
+        .iter()
+        .enumerate()
+        {
+            for (j, row) in PLANAR.into_iter().enumerate() {
+                gains[(row, i)] = gain[j];
+            }
+        }
 
-        let mut covariance = scale_gain * scale_gain.transpose() * scale_variance;
+        let drift = self.scale_drift * scale;
+        let scale_drift_variance = drift * drift * control.distance_m;
+        let mut constants_covariance = constants_covariance;
+        constants_covariance[(0, 0)] += scale_drift_variance;
+        let factors =
+            Matrix3::from_diagonal(&Vector3::new(1.0, self.noise.sideways, self.noise.heading));
+        let noise = factors * control.covariance * factors;
+        let planar = jacobian * noise * jacobian.transpose();
+        let mut covariance = gains * constants_covariance * gains.transpose();
         for (i, gi) in PLANAR.into_iter().enumerate() {
             for (j, gj) in PLANAR.into_iter().enumerate() {
                 covariance[(gi, gj)] += planar[(i, j)];
             }
         }
         let tilt_variance = self.tilt_sigma * self.tilt_sigma * (1.0 - keep * keep);
-        let height_sigma = self.slope_sigma * control.distance_m / scale;
+        let height_sigma = self.noise.height * self.slope_sigma * control.distance_m / scale;
         let floor = |used: f64, floor: f64| if used > 0.0 { floor } else { PINNED_FLOOR };
         let height_floor = floor(self.slope_sigma, POSITION_FLOOR_M);
         let tilt_floor = floor(self.tilt_sigma, ANGLE_FLOOR);
@@ -162,8 +220,8 @@ impl CarrierModel {
             POSITION_FLOOR_M * POSITION_FLOOR_M,
             height_sigma * height_sigma + height_floor * height_floor,
             ANGLE_FLOOR * ANGLE_FLOOR,
-            tilt_variance + tilt_floor * tilt_floor,
-            tilt_variance + tilt_floor * tilt_floor,
+            self.noise.roll.powi(2) * tilt_variance + tilt_floor * tilt_floor,
+            self.noise.pitch.powi(2) * tilt_variance + tilt_floor * tilt_floor,
         ];
         for (i, d) in diagonal.into_iter().enumerate() {
             covariance[(i, i)] += d;
@@ -176,7 +234,7 @@ impl CarrierModel {
             from,
             mean,
             factor,
-            scale_gain,
+            gains,
             scale_drift_variance,
             lever_m: *lever_m,
         }

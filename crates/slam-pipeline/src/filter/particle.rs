@@ -67,8 +67,8 @@ impl Particle {
     pub(crate) fn departure(&self) -> Departure {
         Departure {
             pose: self.pose,
-            scale: self.metric.scale(),
-            scale_variance: self.metric.scale_variance(),
+            constants: self.metric.constants(),
+            constants_covariance: self.metric.constants_covariance(),
         }
     }
 

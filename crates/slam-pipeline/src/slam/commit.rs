@@ -17,7 +17,6 @@ impl Slam {
                 estimate,
             } => {
                 report.estimate = estimate;
-                self.state.frames_since_keyframe += 1;
                 self.state.path.push(FrameAnchor {
                     keyframe: self.state.keyframe - 1,
                     keyframe_from_body,
@@ -46,7 +45,7 @@ impl Slam {
         });
         state.keyframe += 1;
         state.matches_at_keyframe = matches;
-        state.frames_since_keyframe = 0;
+        state.adaptation = keyframe.adaptation;
         state.odometer.reset();
         estimate
     }

@@ -7,6 +7,7 @@ use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
 use super::feature_budget::strongest_unused;
 use super::scoring_budget::spread_scoring;
 use super::{FrameReport, KeypointFate, Slam, SlamError, Stage, StageObserver, filter_error};
+use crate::filter::adaptation::Adaptation;
 use crate::filter::drift::Support;
 use crate::filter::evolution::PoseEvolution;
 use crate::filter::landmark::{InverseDepthPrior, Landmark};
@@ -31,6 +32,7 @@ pub(super) struct PlannedKeyframe {
     pub(super) forest: Option<KdForest>,
     pub(super) support: Option<Support>,
     pub(super) control: Control,
+    pub(super) adaptation: Adaptation,
 }
 
 /// A frame as the reference particle sees it.
@@ -94,6 +96,10 @@ impl Slam {
             catalogue: update,
             support,
             control: seen.control,
+            adaptation: self
+                .state
+                .adaptation
+                .after(&seen.prior, &seen.association.posterior),
         })
     }
 
@@ -119,7 +125,7 @@ impl Slam {
         }
         let proposal = PoseProposal {
             rig: &self.rig,
-            carrier: &self.carrier,
+            carrier: &self.carrier(),
             likelihood: &self.likelihood,
             kind: self.policies.proposal,
             weight: self.policies.weight,

@@ -1,57 +1,58 @@
 //! The decision which frames are filter steps.
 //!
 //! The frames between keyframes only refine the pose that is reported: their baseline is too short to tell depth, and
-//! tiny steps hurt the filter.
+//! tiny steps hurt the filter. The measure is parallax, the image motion that is left once the rotation is taken out:
+//! turning tells no depth. Nothing depends on the frame rate.
 
 use crate::config::KeyframesSection;
 
 /// Thresholds of the decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct KeyframePolicy {
-    /// Median image motion since the last keyframe that makes a filter step, pixels.
-    pub(crate) min_flow_px: f64,
+    /// Median parallax since the last keyframe that makes a filter step, pixels.
+    pub(crate) min_parallax_px: f64,
     /// Share of the last keyframe's matches below which a filter step is made.
     pub(crate) min_overlap: f64,
-    /// Largest number of frames between filter steps.
-    pub(crate) max_gap: u32,
+    /// Longest time between filter steps, seconds.
+    pub(crate) max_gap_s: f64,
 }
 
 /// The facts of a frame that the decision looks at.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct KeyframeCues {
-    /// Frames since the last keyframe, this one included.
-    pub(crate) frames_since: u32,
+    /// Time since the last keyframe, seconds.
+    pub(crate) since_s: f64,
     /// Accepted matches.
     pub(crate) matches: usize,
     /// Accepted matches of the last keyframe.
     pub(crate) matches_at_keyframe: usize,
-    /// Image motion since the last keyframe of each match that was seen there, pixels.
-    pub(crate) flow_px: Vec<f64>,
+    /// Parallax since the last keyframe of each match that was seen there, pixels.
+    pub(crate) parallax_px: Vec<f64>,
 }
 
 impl From<&KeyframesSection> for KeyframePolicy {
     fn from(section: &KeyframesSection) -> Self {
         Self {
-            min_flow_px: section.min_flow_px,
+            min_parallax_px: section.min_parallax_px,
             min_overlap: section.min_overlap,
-            max_gap: section.max_gap,
+            max_gap_s: section.max_gap_s,
         }
     }
 }
 
 impl KeyframePolicy {
-    /// Whether the frame is a filter step: it moved far enough, it saw too little of the last step, or too many frames
-    /// have passed. A frame whose image motion cannot be measured is one, too.
+    /// Whether the frame is a filter step: it moved far enough, it saw too little of the last step, or too much time
+    /// has passed. A frame whose parallax cannot be measured is one, too.
     pub(crate) fn wants(&self, mut cues: KeyframeCues) -> bool {
-        if cues.frames_since >= self.max_gap
+        if cues.since_s >= self.max_gap_s
             || (cues.matches as f64) < self.min_overlap * cues.matches_at_keyframe as f64
-            || cues.flow_px.is_empty()
+            || cues.parallax_px.is_empty()
         {
             return true;
         }
-        let middle = cues.flow_px.len() / 2;
-        let (_, median, _) = cues.flow_px.select_nth_unstable_by(middle, f64::total_cmp);
-        *median >= self.min_flow_px
+        let middle = cues.parallax_px.len() / 2;
+        let (_, median, _) = cues.parallax_px.select_nth_unstable_by(middle, f64::total_cmp);
+        *median >= self.min_parallax_px
     }
 }
 
@@ -60,17 +61,17 @@ mod tests {
     use super::*;
 
     const POLICY: KeyframePolicy = KeyframePolicy {
-        min_flow_px: 8.0,
+        min_parallax_px: 8.0,
         min_overlap: 0.5,
-        max_gap: 20,
+        max_gap_s: 10.0,
     };
 
     fn quiet() -> KeyframeCues {
         KeyframeCues {
-            frames_since: 3,
+            since_s: 3.0,
             matches: 80,
             matches_at_keyframe: 100,
-            flow_px: vec![1.0, 2.0, 50.0],
+            parallax_px: vec![1.0, 2.0, 50.0],
         }
     }
 
@@ -83,7 +84,7 @@ mod tests {
     fn motion_overlap_time_and_blindness_make_one() {
         for cues in [
             KeyframeCues {
-                flow_px: vec![1.0, 8.0, 9.0],
+                parallax_px: vec![1.0, 8.0, 9.0],
                 ..quiet()
             },
             KeyframeCues {
@@ -91,11 +92,11 @@ mod tests {
                 ..quiet()
             },
             KeyframeCues {
-                frames_since: 20,
+                since_s: 10.0,
                 ..quiet()
             },
             KeyframeCues {
-                flow_px: Vec::new(),
+                parallax_px: Vec::new(),
                 ..quiet()
             },
         ] {

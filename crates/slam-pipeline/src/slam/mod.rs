@@ -33,7 +33,8 @@ use crate::config::ValidConfig;
 use crate::filter::drift::Drift;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::metric::MetricState;
-use crate::filter::motion::CarrierModel;
+use crate::filter::adaptation::Adaptation;
+use crate::filter::motion::{CarrierModel, NoiseFactors};
 use crate::filter::particle::Particle;
 use crate::filter::pose::CameraPose;
 use crate::frontend::association::AssociationParams;
@@ -108,12 +109,13 @@ struct State {
     /// Motion since the last keyframe.
     odometer: Odometer,
     drift: Drift,
+    /// How much larger than stated the process noise is.
+    adaptation: Adaptation,
     /// Index of the next frame.
     frame: usize,
     /// Index of the next keyframe.
     keyframe: u32,
     matches_at_keyframe: usize,
-    frames_since_keyframe: u32,
     /// Estimate at the last keyframe.
     last: PoseEstimate,
     /// One entry a frame.
@@ -158,7 +160,7 @@ impl Slam {
                 roll: 0.0,
                 pitch: 0.0,
             },
-            MetricState::new(carrier.scale_sigma),
+            MetricState::new(&carrier),
         );
         let set = ParticleSet::new(vec![start; config.filter.particles as usize])
             .map_err(|e| filter_error(0, e))?;
@@ -198,10 +200,10 @@ impl Slam {
                 catalogue: Catalogue::new(policies.search)?,
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
                 drift: Drift::default(),
+                adaptation: Adaptation::default(),
                 frame: 0,
                 keyframe: 0,
                 matches_at_keyframe: 0,
-                frames_since_keyframe: 0,
                 last: PoseEstimate::origin(),
                 path: Vec::new(),
             },
@@ -226,6 +228,19 @@ impl Slam {
     }
 }
 
+impl Slam {
+    /// The carrier with the process noise in force.
+    fn carrier(&self) -> CarrierModel {
+        CarrierModel {
+            noise: match self.policies.carrier {
+                CarrierFreedom::TiltHeightScale => self.state.adaptation.factors(),
+                CarrierFreedom::Planar => NoiseFactors::NOMINAL,
+            },
+            ..self.carrier
+        }
+    }
+}
+
 fn carrier_model(config: &ValidConfig, freedom: CarrierFreedom) -> CarrierModel {
     let on = |value: f64| match freedom {
         CarrierFreedom::TiltHeightScale => value,
@@ -237,6 +252,9 @@ fn carrier_model(config: &ValidConfig, freedom: CarrierFreedom) -> CarrierModel 
         slope_sigma: on(config.carrier.slope_sigma),
         scale_drift: on(config.carrier.scale_drift),
         scale_sigma: on(config.carrier.scale_sigma),
+        turn_bias_sigma: on(config.carrier.turn_bias_sigma),
+        turning_centre_sigma_m: on(config.carrier.turning_centre_sigma_m),
+        noise: NoiseFactors::NOMINAL,
     }
 }
 

@@ -1,6 +1,7 @@
 //! The plan of a frame: everything that can fail, computed from the unchanged state.
 
-use mono_geometry::Se2;
+use mono_geometry::{Pinhole, PlacedCamera, Se2};
+use nalgebra::Vector3;
 
 use super::estimate::{between_keyframes, relative_motion};
 use super::keyframe::{PlannedKeyframe, Seen};
@@ -12,7 +13,9 @@ use super::{
 use crate::frontend::associate::associate;
 use crate::frontend::association::{Association, Pair};
 use crate::frontend::frame::FrameFeatures;
-use crate::odometry::Odometer;
+use crate::filter::particle::Particle;
+use crate::frontend::catalogue::Catalogue;
+use crate::odometry::{Control, Odometer};
 
 /// The outcome of a frame, not yet part of the state.
 pub(super) struct Plan {
@@ -60,7 +63,7 @@ impl Slam {
         let frame = FrameFeatures::new(input.features, &self.rig.camera);
         let reference = state.filter.set().particles()[state.filter.set().best()].clone();
         let prior = self
-            .carrier
+            .carrier()
             .prior(&self.rig.lever_m(), &reference.departure(), &control);
         let association = associate(
             &self.rig,
@@ -70,7 +73,7 @@ impl Slam {
             &prior,
             &self.association,
         );
-        let keyframe = state.frame == 0 || self.keyframes.wants(self.keyframe_cues(&association));
+        let keyframe = state.frame == 0 || self.keyframes.wants(self.keyframe_cues(&reference, &control, &association));
         let mut report = FrameReport {
             estimate: state.last,
             keyframe,
@@ -123,23 +126,53 @@ impl Slam {
         })
     }
 
-    fn keyframe_cues(&self, association: &Association) -> KeyframeCues {
+    fn keyframe_cues(
+        &self,
+        reference: &Particle,
+        control: &Control,
+        association: &Association,
+    ) -> KeyframeCues {
         let state = &self.state;
         KeyframeCues {
-            frames_since: state.frames_since_keyframe + 1,
+            since_s: control.dt_s,
             matches: association.inliers.len(),
             matches_at_keyframe: state.matches_at_keyframe,
-            flow_px: association
-                .inliers
-                .iter()
-                .filter_map(|p| {
-                    let entry = state.catalogue.get(p.feature.id)?;
-                    (entry.last.keyframe + 1 == state.keyframe)
-                        .then(|| (p.feature.pixel - entry.last.pixel).norm())
-                })
-                .collect(),
+            parallax_px: reference.path.last().map_or_else(Vec::new, |last| {
+                parallax_px(
+                    &state.catalogue,
+                    state.keyframe,
+                    association,
+                    &last.camera,
+                    self.rig.pinhole(),
+                )
+            }),
         }
     }
+}
+
+/// Image motion since the last keyframe, seen by the camera `last`, of every match that was seen there, with the rotation
+/// taken out; pixels.
+fn parallax_px(
+    catalogue: &Catalogue,
+    next_keyframe: u32,
+    association: &Association,
+    last: &PlacedCamera,
+    pinhole: &Pinhole,
+) -> Vec<f64> {
+    let now_from_last = association.camera.camera_from_world * last.camera_from_world.transpose();
+    association
+        .inliers
+        .iter()
+        .filter_map(|pair| {
+            let entry = catalogue.get(pair.feature.id)?;
+            let then = pinhole.normalize(&entry.last.pixel);
+            let turned = now_from_last * Vector3::new(then.x, then.y, 1.0);
+            (entry.last.keyframe + 1 == next_keyframe && turned.z > 0.0).then(|| {
+                let without_motion = pinhole.pixel(&(turned.xy() / turned.z));
+                (pair.feature.pixel - without_motion).norm()
+            })
+        })
+        .collect()
 }
 
 fn mean_nis(association: &Association) -> Option<f64> {
