@@ -44,6 +44,10 @@ pub struct FilterSection {
     pub evolution_steps: u32,
     /// Linearisations of the pose proposal.
     pub iterations: u32,
+    /// Keyframes between moves of the recent path; 0 moves none.
+    pub lag: u32,
+    /// Moves of the recent path tried with each particle.
+    pub path_moves: u32,
 }
 
 /// `[odometry]`
@@ -176,6 +180,8 @@ impl Default for FilterSection {
             resampling_threshold: 0.6,
             evolution_steps: 8,
             iterations: 2,
+            lag: 6,
+            path_moves: 1,
         }
     }
 }
@@ -188,7 +194,7 @@ impl Default for OdometrySection {
             sideways_per_sqrt_m: 0.006,
             turn_per_sqrt_rad: 0.01,
             turn_per_sqrt_m: 0.0,
-            turn_per_sqrt_s: 0.0095,
+            turn_per_sqrt_s: 0.02,
             scale_bias: 0.01,
         }
     }
@@ -203,7 +209,7 @@ impl Default for CarrierSection {
             scale_drift: 0.01,
             scale_sigma: 0.05,
             turn_bias_sigma: 0.002,
-            turning_centre_sigma_m: 0.02,
+            turning_centre_sigma_m: 0.0,
         }
     }
 }

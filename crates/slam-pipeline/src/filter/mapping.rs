@@ -15,8 +15,10 @@ use ukf::SigmaPoints;
 
 use super::landmark::{Landmark, Parametrisation};
 use super::landmark_update::LandmarkUpdate;
+use super::likelihood::Likelihood;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
+use super::segment::log_step_density;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 
@@ -25,6 +27,8 @@ use crate::rig::Rig;
 pub(crate) struct Mapping<'a> {
     /// Camera and mount.
     pub(crate) rig: &'a Rig,
+    /// Observation model; it scores the paths that may be driven again.
+    pub(crate) likelihood: &'a Likelihood,
     /// Sigma points over the three parameters of a landmark.
     pub(crate) points: SigmaPoints<3>,
     /// When a feature becomes a landmark.
@@ -40,6 +44,15 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         observation: &FrameObservation,
     ) -> Result<(), Infallible> {
         if let Some(drawn) = particle.prior.take() {
+            if particle.segment.older.is_some() {
+                let matches = observation.prepare(particle);
+                let log_likelihood = self.likelihood.log(self.rig, &particle.pose, &matches);
+                particle.segment.add(log_step_density(
+                    &drawn.prior,
+                    &particle.pose,
+                    log_likelihood,
+                ));
+            }
             particle.metric = particle
                 .metric
                 .condition_on_pose(&drawn.prior, &particle.pose);
@@ -50,6 +63,7 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         };
         let camera = particle.pose.place(self.rig);
         particle.path.push(Keyframe {
+            pose: particle.pose,
             camera,
             body: particle.metric.body(particle.pose.phi),
             scale: particle.metric.scale(),

@@ -3,7 +3,7 @@
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
-//! [`proposal`], [`evolution`], [`landmark_update`], [`mapping`], [`adaptation`],
+//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`segment_moves`], [`landmark_update`], [`mapping`], [`adaptation`],
 //! [`drift`].
 
 pub(crate) mod adaptation;
@@ -14,6 +14,7 @@ pub(crate) mod landmark;
 pub(crate) mod landmark_update;
 pub(crate) mod likelihood;
 pub(crate) mod linearised;
+pub(crate) mod local_batch;
 pub(crate) mod mapping;
 pub(crate) mod metric;
 pub(crate) mod motion;
@@ -21,5 +22,7 @@ pub(crate) mod observation;
 pub(crate) mod particle;
 pub(crate) mod pose;
 pub(crate) mod proposal;
+pub(crate) mod segment;
+pub(crate) mod segment_moves;
 #[cfg(test)]
 pub(crate) mod tests;

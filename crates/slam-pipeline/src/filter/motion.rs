@@ -105,6 +105,8 @@ pub(crate) struct MotionPrior {
     /// Variance added to the scale by its drift over the step.
     pub(crate) scale_drift_variance: f64,
     lever_m: Vector2<f64>,
+    /// Share of roll and pitch that is left after the step.
+    tilt_kept: f64,
 }
 
 impl MotionPrior {
@@ -114,6 +116,18 @@ impl MotionPrior {
         self.factor
             .solve_lower_triangular(&self.mean.local(pose))
             .map_or(f64::NEG_INFINITY, |w| -0.5 * w.norm_squared())
+    }
+
+    /// Derivative of the mean with respect to the tangent of the pose `from` that the motion started from.
+    #[must_use]
+    pub(crate) fn by_departure(&self, from: &CameraPose) -> PoseMatrix {
+        let mut derivative = PoseMatrix::identity();
+        // The step turns with the heading.
+        derivative[(0, 3)] = from.centre.y - self.mean.centre.y;
+        derivative[(1, 3)] = self.mean.centre.x - from.centre.x;
+        derivative[(4, 4)] = self.tilt_kept;
+        derivative[(5, 5)] = self.tilt_kept;
+        derivative
     }
 
     /// (R(phi) - R(phi_from)) l: how the camera moves when the body only turns, metres.
@@ -237,6 +251,7 @@ impl CarrierModel {
             gains,
             scale_drift_variance,
             lever_m: *lever_m,
+            tilt_kept: keep,
         }
     }
 }

@@ -11,10 +11,13 @@ use super::landmark::{Landmark, PointEstimate};
 use super::metric::MetricState;
 use super::motion::{Departure, MotionPrior};
 use super::pose::{CameraPose, PoseMatrix};
+use super::segment::Segment;
 
 /// A keyframe of a particle's path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Keyframe {
+    /// Pose of the particle.
+    pub(crate) pose: CameraPose,
     /// The camera in the particle's world and unit.
     pub(crate) camera: PlacedCamera,
     /// Body pose in metres.
@@ -37,6 +40,8 @@ pub(crate) struct Particle {
     /// Motion prior of the frame being processed; kept for the evolution moves
     /// and for the scale, shared between copies.
     pub(crate) prior: Option<Arc<Drawn>>,
+    /// Its earlier states, from which the recent path may be driven again.
+    pub(crate) segment: Segment,
 }
 
 /// The distribution from which a pose was drawn.
@@ -59,6 +64,7 @@ impl Particle {
             map: CowMap::new(),
             metric,
             prior: None,
+            segment: Segment::default(),
         }
     }
 

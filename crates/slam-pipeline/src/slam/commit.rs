@@ -46,6 +46,7 @@ impl Slam {
         state.keyframe += 1;
         state.matches_at_keyframe = matches;
         state.adaptation = keyframe.adaptation;
+        state.window = keyframe.window;
         state.odometer.reset();
         estimate
     }

@@ -6,6 +6,7 @@ use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
 
 use super::feature_budget::strongest_unused;
 use super::scoring_budget::spread_scoring;
+use super::window::Window;
 use super::{FrameReport, KeypointFate, Slam, SlamError, Stage, StageObserver, filter_error};
 use crate::filter::adaptation::Adaptation;
 use crate::filter::drift::Support;
@@ -33,6 +34,7 @@ pub(super) struct PlannedKeyframe {
     pub(super) support: Option<Support>,
     pub(super) control: Control,
     pub(super) adaptation: Adaptation,
+    pub(super) window: Window,
 }
 
 /// A frame as the reference particle sees it.
@@ -79,11 +81,11 @@ impl Slam {
             initialised,
             removed,
         };
-        let filter = self.filter_step(&observation, report, observer)?;
+        let (filter, window) = self.filter_step(&observation, report, observer)?;
         let update = CatalogueUpdate {
             missed,
             promoted,
-            removed: observation.removed,
+            removed: observation.removed.clone(),
             seen: self.seen_again(seen),
             new: self.new_features(seen, report),
             forget_before: state
@@ -96,6 +98,7 @@ impl Slam {
             catalogue: update,
             support,
             control: seen.control,
+            window,
             adaptation: self
                 .state
                 .adaptation
@@ -109,10 +112,11 @@ impl Slam {
         observation: &FrameObservation,
         report: &mut FrameReport,
         observer: &mut dyn StageObserver,
-    ) -> Result<ParticleFilter<Particle>, SlamError> {
+    ) -> Result<(ParticleFilter<Particle>, Window), SlamError> {
         let mut filter = self.state.filter.clone();
         let mapping = Mapping {
             rig: &self.rig,
+            likelihood: &self.likelihood,
             points: self.policies.landmark_points,
             start: self.policies.landmark_start,
         };
@@ -121,7 +125,8 @@ impl Slam {
             for particle in filter.particles_mut() {
                 let Ok(()) = mapping.update_map(particle, observation);
             }
-            return Ok(filter);
+            let window = self.window_from_here(&mut filter);
+            return Ok((filter, window));
         }
         let proposal = PoseProposal {
             rig: &self.rig,
@@ -164,7 +169,8 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        Ok(filter)
+        let window = self.move_segments(&mut filter, observation, &mapping);
+        Ok((filter, window))
     }
 
     /// The information behind the pose of this keyframe in the reference particle; `None` without matches, where

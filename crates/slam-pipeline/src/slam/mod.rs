@@ -17,6 +17,7 @@ mod plan;
 mod report;
 mod results;
 mod scoring_budget;
+mod window;
 #[cfg(test)]
 mod tests;
 
@@ -44,6 +45,7 @@ use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
 use keyframe_policy::KeyframePolicy;
+use window::Window;
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
 };
@@ -111,6 +113,8 @@ struct State {
     drift: Drift,
     /// How much larger than stated the process noise is.
     adaptation: Adaptation,
+    /// The keyframes that may be driven again.
+    window: Window,
     /// Index of the next frame.
     frame: usize,
     /// Index of the next keyframe.
@@ -201,6 +205,7 @@ impl Slam {
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
                 drift: Drift::default(),
                 adaptation: Adaptation::default(),
+                window: Window::default(),
                 frame: 0,
                 keyframe: 0,
                 matches_at_keyframe: 0,
