@@ -40,8 +40,8 @@ pub enum Purpose {
     OdometryNoise = 8,
     /// Noise of simulated measurements.
     MeasurementNoise = 9,
-    /// Moves of the recent path of a particle.
-    PathMoves = 10,
+    /// Drawing the recent path of a particle again.
+    PathRedraw = 10,
 }
 
 /// The family of random streams of one seed: a generator for every (frame, particle, purpose).

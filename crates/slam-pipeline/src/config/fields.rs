@@ -209,17 +209,8 @@ pub const FIELDS: &[Field] = &[
         "keyframes",
         0.0,
         50.0,
-        "the path of the last lag to two lags of keyframes is moved after every lag; 0 moves none",
+        "after so many keyframes the path of the last two times as many is drawn again; 0 never does",
         |c| c.filter.lag.into(),
-    ),
-    field(
-        "filter",
-        "path_moves",
-        "",
-        0.0,
-        100.0,
-        "moves of the recent path tried with each particle",
-        |c| c.filter.path_moves.into(),
     ),
     field(
         "odometry",

@@ -44,10 +44,8 @@ pub struct FilterSection {
     pub evolution_steps: u32,
     /// Linearisations of the pose proposal.
     pub iterations: u32,
-    /// Keyframes between moves of the recent path; 0 moves none.
+    /// Keyframes between new draws of the recent path; 0 draws none.
     pub lag: u32,
-    /// Moves of the recent path tried with each particle.
-    pub path_moves: u32,
 }
 
 /// `[odometry]`
@@ -181,7 +179,6 @@ impl Default for FilterSection {
             evolution_steps: 8,
             iterations: 2,
             lag: 6,
-            path_moves: 1,
         }
     }
 }

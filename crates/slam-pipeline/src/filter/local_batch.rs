@@ -5,8 +5,10 @@
 //! the Gaussian of each landmark at the beginning of the window (or after its first sighting), and every match that scores,
 //! both coordinates, Huber weighted. Landmarks are eliminated from each Gauss-Newton step (Schur complement) and follow it;
 //! at the end the constants are eliminated as well. The result N(mean, (G G^T)^-1) over the stacked pose tangents depends
-//! on the state at the beginning and on the measurements alone, so a move that is reversible with respect to it may serve
-//! as a proposal of Metropolis-Hastings.
+//! on the state at the beginning and on the measurements alone.
+//!
+//! The prior of the depth is taken out of the landmarks. One landmark's guess is harmless, but hundreds of them share it,
+//! and with every depth free they would agree on a shorter path: on rendered walls the scale shrank by a twentieth.
 //!
 //! Derivatives: with the direction d = base + rho (c_a - c_k) of the ray and the projection pi, dz = J_pi R_k (dd - w_k x d),
 //! dd = w_a x base + rho (dc_a - dc_k), and w = e_z dphi + R_z e_y dpitch + R_z R_y e_x droll.
@@ -52,24 +54,18 @@ pub(crate) struct SegmentGaussian {
 }
 
 impl SegmentGaussian {
-    /// Whitened coordinates of a path: G^T (path - mean).
+    /// Number of unknowns, six a pose.
     #[must_use]
-    pub(crate) fn whiten(&self, path: &[CameraPose]) -> DVector<f64> {
-        let mut stacked = DVector::zeros(POSE_DIM * self.mean.len());
-        for (k, (mean, pose)) in self.mean.iter().zip(path).enumerate() {
-            stacked
-                .fixed_rows_mut::<POSE_DIM>(POSE_DIM * k)
-                .copy_from(&mean.local(pose));
-        }
-        self.precision_factor.tr_mul(&stacked)
+    pub(crate) fn dimension(&self) -> usize {
+        self.precision_factor.nrows()
     }
 
-    /// The path of whitened coordinates; `None` when the factor is singular.
+    /// The path mean + G^-T `normal`: a draw, if `normal` is one of N(0, I). `None` when the factor is singular.
     #[must_use]
-    pub(crate) fn path(&self, whitened: &DVector<f64>) -> Option<Vec<CameraPose>> {
+    pub(crate) fn path(&self, normal: &DVector<f64>) -> Option<Vec<CameraPose>> {
         let stacked = self
             .precision_factor
-            .tr_solve_lower_triangular(whitened)?;
+            .tr_solve_lower_triangular(normal)?;
         Some(
             self.mean
                 .iter()

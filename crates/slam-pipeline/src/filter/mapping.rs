@@ -15,10 +15,8 @@ use ukf::SigmaPoints;
 
 use super::landmark::{Landmark, Parametrisation};
 use super::landmark_update::LandmarkUpdate;
-use super::likelihood::Likelihood;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
-use super::segment::log_step_density;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 
@@ -27,8 +25,6 @@ use crate::rig::Rig;
 pub(crate) struct Mapping<'a> {
     /// Camera and mount.
     pub(crate) rig: &'a Rig,
-    /// Observation model; it scores the paths that may be driven again.
-    pub(crate) likelihood: &'a Likelihood,
     /// Sigma points over the three parameters of a landmark.
     pub(crate) points: SigmaPoints<3>,
     /// When a feature becomes a landmark.
@@ -44,15 +40,6 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         observation: &FrameObservation,
     ) -> Result<(), Infallible> {
         if let Some(drawn) = particle.prior.take() {
-            if particle.segment.older.is_some() {
-                let matches = observation.prepare(particle);
-                let log_likelihood = self.likelihood.log(self.rig, &particle.pose, &matches);
-                particle.segment.add(log_step_density(
-                    &drawn.prior,
-                    &particle.pose,
-                    log_likelihood,
-                ));
-            }
             particle.metric = particle
                 .metric
                 .condition_on_pose(&drawn.prior, &particle.pose);

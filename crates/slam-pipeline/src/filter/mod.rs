@@ -3,7 +3,7 @@
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
-//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`segment_moves`], [`landmark_update`], [`mapping`], [`adaptation`],
+//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`redraw`], [`landmark_update`], [`mapping`], [`adaptation`],
 //! [`drift`].
 
 pub(crate) mod adaptation;
@@ -22,7 +22,7 @@ pub(crate) mod observation;
 pub(crate) mod particle;
 pub(crate) mod pose;
 pub(crate) mod proposal;
+pub(crate) mod redraw;
 pub(crate) mod segment;
-pub(crate) mod segment_moves;
 #[cfg(test)]
 pub(crate) mod tests;

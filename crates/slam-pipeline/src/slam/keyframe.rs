@@ -116,7 +116,6 @@ impl Slam {
         let mut filter = self.state.filter.clone();
         let mapping = Mapping {
             rig: &self.rig,
-            likelihood: &self.likelihood,
             points: self.policies.landmark_points,
             start: self.policies.landmark_start,
         };
@@ -169,7 +168,7 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        let window = self.move_segments(&mut filter, observation, &mapping);
+        let window = self.redraw(&mut filter, observation, &mapping)?;
         Ok((filter, window))
     }
 

@@ -1,20 +1,22 @@
 //! The window of keyframes whose path may still move.
 //!
-//! Every `lag` keyframes all particles are moved over the keyframes since their older state, twice the lag (see
-//! [`crate::filter::segment_moves`]). Then the newer state becomes the older one and the present state the newer one. The
-//! first window reaches back to the start, whose depths are only known once there is parallax.
+//! Every `lag` keyframes the path of all particles since their older state, up to twice the lag, is drawn again (see
+//! [`crate::filter::redraw`]). Then the newer state becomes the older one and the present state the newer one. The first
+//! window reaches back to the start, whose depths are only known once there is parallax.
 
 use std::sync::Arc;
 
 use rbpf_core::ParticleFilter;
 
-use super::Slam;
+use super::{Slam, SlamError, filter_error};
 use crate::filter::landmark::InverseDepthPrior;
 use crate::filter::mapping::Mapping;
 use crate::filter::observation::FrameObservation;
 use crate::filter::particle::Particle;
-use crate::filter::segment::{Origin, Segment, SegmentDriver, WindowStep};
-use crate::filter::segment_moves::SegmentMoves;
+use crate::filter::redraw::PathRedraw;
+use crate::filter::segment::{Segment, SegmentDriver, WindowStep};
+use crate::method::Evolution;
+
 
 /// The keyframes since the older state of the particles.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +32,7 @@ impl Slam {
         if self.lag() > 0 {
             for particle in filter.particles_mut() {
                 particle.segment = Segment {
-                    older: Some(Origin::of(particle)),
+                    older: Some(Segment::snapshot(particle)),
                     newer: None,
                 };
             }
@@ -38,23 +40,16 @@ impl Slam {
         Window::default()
     }
 
-    fn lag(&self) -> usize {
-        match self.policies.evolution {
-            crate::method::Evolution::MetropolisHastings => self.config.filter.lag as usize,
-            _ => 0,
-        }
-    }
-
-    /// The window with one more keyframe, and the moves when they are due.
-    pub(super) fn move_segments(
+    /// The window with one more keyframe, after the new draw when it is due.
+    pub(super) fn redraw(
         &self,
         filter: &mut ParticleFilter<Particle>,
         observation: &FrameObservation,
         mapping: &Mapping<'_>,
-    ) -> Window {
+    ) -> Result<Window, SlamError> {
         let lag = self.lag();
         if lag == 0 {
-            return Window::default();
+            return Ok(Window::default());
         }
         let mut window = self.state.window.clone();
         window.steps.push(Arc::new(WindowStep {
@@ -62,34 +57,45 @@ impl Slam {
             carrier: self.carrier(),
         }));
         if window.steps.len() < window.middle + lag {
-            return window;
+            return Ok(window);
         }
-        let moves = SegmentMoves {
+        let redraw = PathRedraw {
             driver: SegmentDriver {
                 rig: &self.rig,
-                likelihood: &self.likelihood,
                 mapping,
                 depth: InverseDepthPrior::beyond(self.config.mapping.min_depth_m),
             },
             steps: &window.steps,
             middle: window.middle,
-            moves: self.config.filter.path_moves as usize,
         };
+        let log_weights = filter.set().log_weights().to_vec();
         let streams = *filter.streams();
-        let r = moves.apply(filter.particles_mut(), &streams, self.state.frame as u64);
-        if std::env::var("EV_ACC").is_ok() {
-            eprintln!("{} {} {:?}", self.state.keyframe, window.steps.len(), r);
-        }
-        let shift = window.middle;
+        let frame = self.state.frame;
+        let increments = redraw.apply(
+            filter.particles_mut(),
+            &log_weights,
+            &streams,
+            frame as u64,
+        );
+        filter
+            .reweight(&increments)
+            .map_err(|e| filter_error(frame, e))?;
         for particle in filter.particles_mut() {
-            let now = Origin::of(particle);
-            let segment = &mut particle.segment;
-            if let Some(newer) = segment.newer.replace(now) {
-                segment.older = Some(newer);
+            let now = Segment::snapshot(particle);
+            if let Some(newer) = particle.segment.newer.replace(now) {
+                particle.segment.older = Some(newer);
             }
         }
-        window.steps.drain(..shift);
+        window.steps.drain(..window.middle);
         window.middle = window.steps.len();
-        window
+        Ok(window)
+    }
+
+    /// Keyframes between new draws; zero for a method that has none.
+    fn lag(&self) -> usize {
+        match self.policies.evolution {
+            Evolution::MetropolisHastings => self.config.filter.lag as usize,
+            Evolution::Printed | Evolution::Off => 0,
+        }
     }
 }

@@ -1,0 +1,126 @@
+//! New draws of the recent path: the evolution step on path segments.
+//!
+//! A sequential filter draws every pose from what was known at that keyframe, and resampling can only choose among such
+//! draws; what later images tell of them is lost once the particles share their ancestors. Here the path of a whole window
+//! is drawn again, for every particle, from its distribution given the state of the particle at the beginning of the window
+//! and *all* measurements since: the Gaussian of [`segment_gaussian`]. It is a block Gibbs step. Where model and
+//! measurements are linear and Gaussian it leaves the posterior invariant exactly; elsewhere it is the Laplace
+//! approximation of that step. The map of the particle follows its new path exactly, by driving it again.
+//!
+//! Particles with the same beginning are then draws of one distribution, so they take the mean of their weights
+//! (Rao-Blackwell): what a weight said about one path of the segment no longer concerns the new one.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::DVector;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use rbpf_core::{Purpose, Streams};
+
+use super::local_batch::{SegmentGaussian, segment_gaussian};
+use super::particle::Particle;
+use super::segment::{Segment, SegmentDriver, WindowStep};
+
+/// The new draw of one keyframe.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PathRedraw<'a> {
+    /// Drives particles along their new paths.
+    pub(crate) driver: SegmentDriver<'a>,
+    /// The keyframes since the older state of the particles.
+    pub(crate) steps: &'a [Arc<WindowStep>],
+    /// Number of steps from the older state to the newer one; zero while there is no newer one.
+    pub(crate) middle: usize,
+}
+
+impl PathRedraw<'_> {
+    /// Draws every path again and returns the increments of the log weights. Random numbers are those of `frame` and the
+    /// slot. A particle whose local batch fails keeps its path.
+    #[must_use]
+    pub(crate) fn apply(
+        &self,
+        particles: &mut [Particle],
+        log_weights: &[f64],
+        streams: &Streams,
+        frame: u64,
+    ) -> Vec<f64> {
+        let family = families(particles);
+        let gaussians: Vec<Option<SegmentGaussian>> = family
+            .origins
+            .par_iter()
+            .map(|start| segment_gaussian(&self.driver, start, self.steps))
+            .collect();
+        particles
+            .par_iter_mut()
+            .zip(&family.of_slot)
+            .enumerate()
+            .for_each(|(slot, (particle, origin))| {
+                let Some(origin) = *origin else { return };
+                let Some(gaussian) = &gaussians[origin] else {
+                    return;
+                };
+                let mut rng = streams.stream(frame, slot as u64, Purpose::PathRedraw);
+                let normal =
+                    DVector::from_fn(gaussian.dimension(), |_, _| StandardNormal.sample(&mut rng));
+                let Some(poses) = gaussian.path(&normal) else {
+                    return;
+                };
+                let start = &family.origins[origin];
+                let (driven, newer) = self.driver.drive(start, self.steps, &poses, self.middle);
+                *particle = Particle {
+                    segment: Segment {
+                        older: Some(start.clone()),
+                        newer,
+                    },
+                    ..driven
+                };
+            });
+        family.mean_weights(log_weights, |origin| gaussians[origin].is_some())
+    }
+}
+
+/// The particles by the state that their windows begin with.
+struct Families {
+    origins: Vec<Arc<Particle>>,
+    of_slot: Vec<Option<usize>>,
+}
+
+fn families(particles: &[Particle]) -> Families {
+    let mut origins: Vec<Arc<Particle>> = Vec::new();
+    let mut index: BTreeMap<*const Particle, usize> = BTreeMap::new();
+    let of_slot = particles
+        .iter()
+        .map(|particle| {
+            let older = particle.segment.older.as_ref()?;
+            Some(*index.entry(Arc::as_ptr(older)).or_insert_with(|| {
+                origins.push(older.clone());
+                origins.len() - 1
+            }))
+        })
+        .collect();
+    Families { origins, of_slot }
+}
+
+impl Families {
+    /// Log increments that give the members of each redrawn family the mean of their weights.
+    fn mean_weights(&self, log_weights: &[f64], redrawn: impl Fn(usize) -> bool) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0.0); self.origins.len()];
+        let largest = log_weights.iter().copied().fold(f64::MIN, f64::max);
+        for (origin, log_weight) in self.of_slot.iter().zip(log_weights) {
+            if let Some(origin) = *origin {
+                sums[origin].0 += (log_weight - largest).exp();
+                sums[origin].1 += 1.0;
+            }
+        }
+        self.of_slot
+            .iter()
+            .zip(log_weights)
+            .map(|(origin, log_weight)| match *origin {
+                Some(origin) if redrawn(origin) && sums[origin].0 > 0.0 => {
+                    (sums[origin].0 / sums[origin].1).ln() + largest - log_weight
+                }
+                _ => 0.0,
+            })
+            .collect()
+    }
+}
