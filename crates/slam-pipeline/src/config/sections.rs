@@ -172,13 +172,13 @@ impl Default for FilterSection {
     fn default() -> Self {
         Self {
             method: Method::Exact,
-            particles: 50,
+            particles: 30,
             seed: 1,
             threads: 0,
             resampling_threshold: 0.6,
             evolution_steps: 8,
             iterations: 2,
-            lag: 6,
+            lag: 10,
         }
     }
 }

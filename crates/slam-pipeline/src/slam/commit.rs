@@ -35,6 +35,7 @@ impl Slam {
     fn commit_keyframe(&mut self, keyframe: PlannedKeyframe, matches: usize) -> PoseEstimate {
         let state = &mut self.state;
         state.filter = keyframe.filter;
+        let started = keyframe.catalogue.new.len();
         state.catalogue.apply(keyframe.catalogue, keyframe.forest);
         let estimate = self.estimate(keyframe.support.as_ref(), &keyframe.control);
         let state = &mut self.state;
@@ -44,7 +45,8 @@ impl Slam {
             keyframe_from_body: Se2::identity(),
         });
         state.keyframe += 1;
-        state.matches_at_keyframe = matches;
+        // About half of the features that start here are found again, and the first keyframe has no others.
+        state.matches_at_keyframe = matches.max(started / 2);
         state.adaptation = keyframe.adaptation;
         state.window = keyframe.window;
         state.odometer.reset();
