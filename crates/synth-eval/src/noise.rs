@@ -5,20 +5,18 @@
 //! carrier, its random slip included.
 
 use slam_pipeline::config::OdometrySection;
-use wall_scenes::{FRAME_PERIOD_S, OdometryNoise, ROWS_PER_FRAME};
+use wall_scenes::{FRAME_PERIOD_S, OdometryNoise};
 
-/// The generator's noise per frame as noise per row: with n white rows a frame,
-/// `sqrt(n)` times the relative error in speed, and for the turn rate the frame's
-/// heading error over `sqrt(n)` row durations.
-pub(crate) fn odometry_section(noise: &OdometryNoise) -> OdometrySection {
-    let rows = ROWS_PER_FRAME as f64;
-    let row_s = FRAME_PERIOD_S / rows;
+/// The generator's noise per frame as noise per square root of metre and second, for a drive of `step_m` metres a frame:
+/// a share r of a step d is r sqrt(d) per square root of a metre, and the heading error of a frame spreads over its time.
+pub(crate) fn odometry_section(noise: &OdometryNoise, step_m: f64) -> OdometrySection {
     OdometrySection {
-        velocity_noise_ratio: noise.speed_ratio * rows.sqrt(),
-        velocity_noise_mps: 0.0,
-        turn_noise_ratio: 0.0,
-        turn_noise_radps: noise.heading_rad / rows.sqrt() / row_s,
-        slip_ratio: 0.0,
+        forward_per_sqrt_m: noise.speed_ratio * step_m.sqrt(),
+        forward_per_sqrt_s: 0.0,
+        sideways_per_sqrt_m: 0.0,
+        turn_per_sqrt_rad: 0.0,
+        turn_per_sqrt_m: 0.0,
+        turn_per_sqrt_s: noise.heading_rad / FRAME_PERIOD_S.sqrt(),
         scale_bias: noise.speed_bias_ratio,
     }
 }
@@ -27,11 +25,12 @@ pub(crate) fn odometry_section(noise: &OdometryNoise) -> OdometrySection {
 mod tests {
     use super::*;
     use slam_pipeline::{Odometer, OdometryInterval};
+    use wall_scenes::ROWS_PER_FRAME;
 
     #[test]
     fn a_frame_of_rows_has_the_noise_the_generator_states_per_frame() {
         let noise = OdometryNoise::PAPER;
-        let mut odometer = Odometer::new(&odometry_section(&noise));
+        let mut odometer = Odometer::new(&odometry_section(&noise, 0.1));
         let row = OdometryInterval {
             duration_s: FRAME_PERIOD_S / ROWS_PER_FRAME as f64,
             v_mps: 0.2,

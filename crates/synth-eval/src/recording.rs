@@ -10,7 +10,7 @@ use slam_pipeline::{OdometryInterval, Rig, detector_of};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use vision_sift::{Features, GrayImage, Workspace};
-use wall_scenes::{Scene, SceneSpec};
+use wall_scenes::{FRAME_PERIOD_S, Scene, SceneSpec};
 
 use crate::noise::odometry_section;
 
@@ -118,6 +118,14 @@ impl Drive {
     /// The scene's camera is none.
     pub(crate) fn of_scene(name: &str, scene: Scene) -> anyhow::Result<Self> {
         let (pinhole, mount) = scene.stated_calibration();
+        let path = scene.path();
+        let driven_m: f64 = path
+            .poses
+            .windows(2)
+            .map(|p| (p[1].x - p[0].x).hypot(p[1].y - p[0].y))
+            .sum();
+        let last_s = path.times_s.last().copied().unwrap_or(0.0);
+        let step_m = driven_m * FRAME_PERIOD_S / last_s.max(FRAME_PERIOD_S);
         Ok(Self {
             name: name.to_owned(),
             rig: Rig {
@@ -126,7 +134,7 @@ impl Drive {
             },
             odometry: odometry(&scene),
             truth: scene.path().poses.iter().copied().map(Some).collect(),
-            noise: Some(odometry_section(&scene.spec().odometry)),
+            noise: Some(odometry_section(&scene.spec().odometry, step_m)),
             surface: Surface::Scene(Box::new(scene)),
         })
     }

@@ -1,6 +1,5 @@
 //! Odometry: the exact arc against integration, the bias of the printed form, covariances against Monte Carlo.
 
-use estimation_base::Cholesky;
 use mono_geometry::motion::{
     ControlNoise, OdometrySample, accumulate, exact_arc, held_between, paper_euler,
 };
@@ -86,15 +85,12 @@ fn printed_form_is_biased_by_half_the_turn() {
 
 fn noise() -> ControlNoise {
     ControlNoise {
-        v_ratio: 0.05,
-        v_floor_mps: 0.01,
-        lateral_ratio: 0.02,
-        lateral_floor_mps: 0.005,
-        omega_ratio: 0.05,
-        omega_per_v: 0.02,
-        omega_floor_radps: 0.01,
-        increment_floor_m: 0.0,
-        increment_floor_rad: 0.0,
+        forward_per_sqrt_m: 0.03,
+        forward_per_sqrt_s: 0.005,
+        sideways_per_sqrt_m: 0.012,
+        turn_per_sqrt_rad: 0.03,
+        turn_per_sqrt_m: 0.01,
+        turn_per_sqrt_s: 0.005,
     }
 }
 
@@ -121,8 +117,8 @@ fn covariance_matches_monte_carlo() {
             let mut pose = Se2::identity();
             for (odometry, duration) in &run {
                 let sigma = noise()
-                    .variances(odometry.v_mps, odometry.omega_radps)
-                    .map(f64::sqrt);
+                    .variances(odometry.v_mps, odometry.omega_radps, *duration)
+                    .map(|v| v.sqrt() / duration);
                 let draw = Vector3::from_fn(|_, _| {
                     let z: f64 = StandardNormal.sample(&mut rng);
                     z
@@ -159,7 +155,7 @@ fn covariance_matches_monte_carlo() {
 #[test]
 fn straight_run_closed_form() {
     let only_heading = ControlNoise {
-        omega_floor_radps: 0.1,
+        turn_per_sqrt_s: 0.1,
         ..ControlNoise::ZERO
     };
     let run = vec![(sample(0.0, 1.0, 0.0), 1.0), (sample(1.0, 1.0, 0.0), 1.0)];
@@ -196,19 +192,55 @@ fn splitting_the_run_changes_nothing() {
     assert!(whole.mean.between(&parts.mean).log().norm() < 1e-15);
 }
 
+/// The noise is a process in time and distance: ten times as many rows of the same drive have the same covariance.
 #[test]
-fn a_robot_at_rest_keeps_a_regular_covariance_by_the_floor() {
-    let floors = ControlNoise {
-        increment_floor_m: 1e-4,
-        increment_floor_rad: 1e-5,
-        ..ControlNoise::ZERO
-    };
-    for run in [vec![], vec![(sample(0.0, 0.0, 0.0), 1.0)]] {
-        let increment = accumulate(&run, &floors).unwrap();
-        assert_eq!(increment.mean, Se2::identity());
-        assert!(Cholesky::definite(&increment.covariance).is_ok());
-        assert_eq!(increment.covariance[(2, 2)], 1e-5 * 1e-5);
+fn regress_covariance_does_not_depend_on_the_row_rate() {
+    for (v, omega) in [(0.5, 0.0), (0.4, 0.8), (-0.3, -1.5), (0.0, 0.7), (0.0, 0.0)] {
+        let rows = |n: usize| vec![(sample(0.0, v, omega), 2.0 / n as f64); n];
+        let slow = accumulate(&rows(20), &noise()).unwrap();
+        let fast = accumulate(&rows(400), &noise()).unwrap();
+        assert!(slow.mean.between(&fast.mean).log().norm() < 1e-13);
+        assert!((slow.turn_bias_gain - fast.turn_bias_gain).norm() < 1e-13);
+        // Within a row the noise is constant: what that is worth falls with the square of the row's length, a thousandth
+        // at 0.1 s.
+        let error = (slow.covariance - fast.covariance).amax();
+        assert!(error < 2e-3 * fast.covariance.amax(), "{v} {omega}: {error:e}");
     }
+}
+
+/// The gain of a constant error of the turning rate is the derivative of the motion.
+#[test]
+fn turn_bias_gain_matches_differences() {
+    let run = [
+        (1.0, -1.5, 0.4),
+        (-0.5, 0.3, 0.7),
+        (0.0, 2.0, 0.6),
+        (0.8, 1e-9, 0.5),
+    ];
+    let with = |bias: f64| {
+        let rows: Vec<_> = run
+            .iter()
+            .map(|(v, omega, dt)| (sample(0.0, *v, omega + bias), *dt))
+            .collect();
+        accumulate(&rows, &ControlNoise::ZERO).unwrap()
+    };
+    let h = 1e-6;
+    let difference = (with(0.0).mean.between(&with(h).mean).log()
+        - with(0.0).mean.between(&with(-h).mean).log())
+        / (2.0 * h);
+    assert!((difference - with(0.0).turn_bias_gain).norm() < 1e-9);
+    // The heading gains the whole time, and not the time that the robot moves.
+    assert!((with(0.0).turn_bias_gain.z - 2.2).abs() < 1e-15);
+}
+
+#[test]
+fn a_robot_at_rest_is_uncertain_by_its_time_alone() {
+    let increment = accumulate(&[(sample(0.0, 0.0, 0.0), 4.0)], &noise()).unwrap();
+    assert_eq!(increment.mean, Se2::identity());
+    let expected = Matrix3::from_diagonal(&Vector3::new(4.0 * 25e-6, 0.0, 4.0 * 25e-6));
+    assert!((increment.covariance - expected).amax() < 1e-18);
+    let none = accumulate(&[], &noise()).unwrap();
+    assert_eq!((none.mean, none.covariance), (Se2::identity(), Matrix3::zeros()));
 }
 
 #[test]
@@ -223,13 +255,13 @@ fn absurd_odometry_is_an_error_that_names_it() {
         assert!(matches!(error, GeometryError::InvalidParameter { .. }));
     }
     let negative = ControlNoise {
-        omega_ratio: -0.1,
+        turn_per_sqrt_rad: -0.1,
         ..ControlNoise::ZERO
     };
     let error = accumulate(&[], &negative).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "omega_ratio is -0.1, required: finite and not negative"
+        "turn_per_sqrt_rad is -0.1, required: finite and not negative"
     );
 }
 

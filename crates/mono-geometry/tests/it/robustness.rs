@@ -176,7 +176,7 @@ proptest! {
             .map(|k| OdometrySample { t_s: n[3 * k], v_mps: n[3 * k + 1], omega_radps: n[3 * k + 2] })
             .collect();
         let held = held_between(&samples, n[12], n[13]);
-        let noise = ControlNoise { v_ratio: n[14], omega_ratio: n[15], ..ControlNoise::ZERO };
+        let noise = ControlNoise { forward_per_sqrt_m: n[14], turn_per_sqrt_rad: n[15], ..ControlNoise::ZERO };
         if let Ok(increment) = accumulate(&held, &noise) {
             prop_assert!(increment.mean.log().iter().chain(increment.covariance.iter()).all(|v| v.is_finite()));
         }

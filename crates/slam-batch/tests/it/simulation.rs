@@ -31,11 +31,12 @@ pub(crate) fn settings() -> Settings {
     model.loss = RobustLoss::None;
     model.scale_drift = 0.0;
     model.scale_bias = 0.0;
-    model.odometry.velocity_noise_ratio = 0.05;
-    model.odometry.velocity_noise_mps = 0.002;
-    model.odometry.turn_noise_ratio = 0.02;
-    model.odometry.turn_noise_radps = 0.02;
-    model.odometry.slip_ratio = 0.02;
+    model.odometry.forward_per_sqrt_m = 0.012;
+    model.odometry.forward_per_sqrt_s = 0.0006;
+    model.odometry.turn_per_sqrt_rad = 0.005;
+    model.odometry.turn_per_sqrt_m = 0.0;
+    model.odometry.turn_per_sqrt_s = 0.006;
+    model.odometry.sideways_per_sqrt_m = 0.005;
     model.tilt_sigma = 0.005;
     model.tilt_time_s = 0.8;
     model.slope_sigma = 0.01;
@@ -104,15 +105,18 @@ impl Drive {
                     omega_radps: 0.8 * (0.5 * time).sin(),
                 };
                 let noise = &model.odometry;
+                // Standard deviation of the rate whose integral over a row has the stated one.
+                let rate = |per_sqrt: f64, amount: f64| per_sqrt * amount.abs().sqrt() / DT_S;
+                let (way, turn) = (row.v_mps * DT_S, row.omega_radps * DT_S);
                 let v = row.v_mps * (1.0 + truth_of(Constant::WheelScale))
                     + normal()
-                        * (noise.velocity_noise_ratio * row.v_mps).hypot(noise.velocity_noise_mps);
+                        * rate(noise.forward_per_sqrt_m, way).hypot(rate(noise.forward_per_sqrt_s, DT_S));
                 let omega = row.omega_radps
                     + truth_of(Constant::TurnRateBias)
                     + normal()
-                        * (noise.turn_noise_ratio * row.omega_radps).hypot(noise.turn_noise_radps);
+                        * rate(noise.turn_per_sqrt_rad, turn).hypot(rate(noise.turn_per_sqrt_s, DT_S));
                 let slip = truth_of(Constant::SlipAngle);
-                let sideways = normal() * noise.slip_ratio * row.v_mps;
+                let sideways = normal() * rate(noise.sideways_per_sqrt_m, way);
                 body = body.compose(&Se2::exp(
                     &(Vector3::new(
                         v * slip.cos(),

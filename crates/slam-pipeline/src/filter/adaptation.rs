@@ -127,3 +127,83 @@ fn body_from_world(prior: &MotionPrior) -> SMatrix<f64, POSE_DIM, POSE_DIM> {
         .copy_from(&Matrix2::new(cos, sin, -sin, cos));
     turn
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::motion::CarrierModel;
+    use crate::filter::pose::PoseStep;
+    use crate::filter::tests::common::{
+        control, normal, particle, planar_carrier, pose, rng, uniform,
+    };
+    use nalgebra::Vector2;
+
+    /// Keyframes whose images determine all but `left` of the whitened pose, with a true noise of `factor` times the
+    /// stated one sideways and in heading. Returns the share of keyframes that adapt, and the last factors.
+    fn drive(seed: u64, factor: f64, keyframes: usize) -> (f64, NoiseFactors) {
+        let mut rng = rng(seed);
+        let mut adaptation = Adaptation::default();
+        let mut adapted = 0;
+        for _ in 0..keyframes {
+            let model = CarrierModel {
+                noise: adaptation.factors(),
+                tilt_sigma: 0.01,
+                slope_sigma: 0.01,
+                ..planar_carrier()
+            };
+            let p = particle(pose(0.0, 0.0, uniform(&mut rng, -3.0, 3.0)));
+            let u = control([0.2, 0.0, 0.05], [0.01, 0.01, 0.02]);
+            let prior = model.prior(&Vector2::zeros(), &p.departure(), &u);
+            // The motion of a carrier whose noise is `factor` times as large on two axes.
+            let true_model = CarrierModel {
+                noise: NoiseFactors {
+                    sideways: factor,
+                    heading: factor,
+                    ..NoiseFactors::NOMINAL
+                },
+                ..model
+            };
+            let truth = true_model.prior(&Vector2::zeros(), &p.departure(), &u);
+            let moved: PoseStep = truth.factor * PoseStep::from_fn(|_, _| normal(&mut rng));
+            let whitened = prior.factor.solve_lower_triangular(&moved).unwrap();
+            // A measurement of xi with variance r: posterior variance r / (1 + r), mean (xi + noise) / (1 + r).
+            let r = 0.05_f64;
+            let measured = whitened + PoseStep::from_fn(|_, _| normal(&mut rng)) * r.sqrt();
+            let posterior = PosePosterior {
+                mean: measured / (1.0 + r),
+                factor: PoseMatrix::identity() * (r / (1.0 + r)).sqrt(),
+                log_det_factor: 0.0,
+            };
+            adaptation = adaptation.after(&prior, &posterior);
+            let f = adaptation.factors();
+            adapted += usize::from(f != NoiseFactors::NOMINAL);
+        }
+        (adapted as f64 / keyframes as f64, adaptation.factors())
+    }
+
+    #[test]
+    fn a_right_model_is_left_alone() {
+        let adapted: f64 = (0..10).map(|seed| drive(seed, 1.0, 200).0).sum::<f64>() / 10.0;
+        // Five axes, three standard errors each, of a skewed sum.
+        assert!(adapted < 0.12, "{adapted}");
+        // A noise that is stated three times too large is not touched either.
+        let adapted: f64 = (0..10).map(|seed| drive(seed, 1.0 / 3.0, 200).0).sum::<f64>() / 10.0;
+        assert!(adapted < 0.12, "{adapted}");
+    }
+
+    #[test]
+    fn a_noise_three_times_too_small_is_found_on_its_axes() {
+        let mut sums = [0.0; 3];
+        for seed in 0..20 {
+            let factors = drive(100 + seed, 3.0, 60).1;
+            sums[0] += factors.sideways / 20.0;
+            sums[1] += factors.heading / 20.0;
+            sums[2] += factors.roll / 20.0;
+        }
+        // Four nominal corrections pull the estimate of about ten towards one: sqrt((4 + 9 * 9.5) / 13.5) = 2.6.
+        for factor in &sums[..2] {
+            assert!((2.0..3.4).contains(factor), "{sums:?}");
+        }
+        assert!(sums[2] < 1.1, "{sums:?}");
+    }
+}

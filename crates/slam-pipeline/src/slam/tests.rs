@@ -47,7 +47,7 @@ fn after_the_first_frame(method: Method) -> Slam {
         odometry: &[],
     };
     slam.step(&first, &mut |_| {}).unwrap();
-    slam.state.frames_since_keyframe = 100;
+    slam.keyframes.max_gap_s = 0.0;
     slam
 }
 

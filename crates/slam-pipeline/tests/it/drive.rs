@@ -156,11 +156,12 @@ pub(crate) fn config(particles: u32, seed: u64) -> ValidConfig {
     let mut config = Config::default();
     config.filter.particles = particles;
     config.filter.seed = seed;
-    config.odometry.velocity_noise_ratio = SIGMA_V;
-    config.odometry.velocity_noise_mps = 0.0;
-    config.odometry.turn_noise_ratio = 0.0;
-    config.odometry.turn_noise_radps = SIGMA_TURN;
-    config.odometry.slip_ratio = 0.0;
+    // One row of a second a frame, a tenth of a metre long.
+    config.odometry.forward_per_sqrt_m = SIGMA_V * STEP_M.sqrt();
+    config.odometry.forward_per_sqrt_s = 0.0;
+    config.odometry.turn_per_sqrt_rad = 0.0;
+    config.odometry.turn_per_sqrt_s = SIGMA_TURN;
+    config.odometry.sideways_per_sqrt_m = 0.0;
     config.odometry.scale_bias = 0.0;
     config.carrier.tilt_sigma = 0.0;
     config.carrier.slope_sigma = 0.0;

@@ -2,7 +2,7 @@
 
 use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
 use crate::filter::metric::MetricState;
-use crate::filter::motion::CarrierModel;
+use crate::filter::motion::{CarrierModel, NoiseFactors};
 use crate::filter::observation::{Prepared, Scoring};
 use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, PoseStep};
@@ -189,6 +189,9 @@ pub(crate) fn planar_carrier() -> CarrierModel {
         slope_sigma: 0.0,
         scale_drift: 0.0,
         scale_sigma: 0.0,
+        turn_bias_sigma: 0.0,
+        turning_centre_sigma_m: 0.0,
+        noise: NoiseFactors::NOMINAL,
     }
 }
 
@@ -197,13 +200,14 @@ pub(crate) fn control(increment: [f64; 3], sigmas: [f64; 3]) -> Control {
     Control {
         increment: Se2 { x, y, phi },
         covariance: Matrix3::from_diagonal(&Vector3::from(sigmas.map(|s| s * s))),
+        turn_bias_gain: Vector3::new(0.0, 0.0, 0.1),
         dt_s: 0.1,
         distance_m: x.hypot(y),
     }
 }
 
 pub(crate) fn particle(pose: CameraPose) -> Particle {
-    Particle::new(pose, MetricState::new(0.0))
+    Particle::new(pose, MetricState::new(&planar_carrier()))
 }
 
 /// Fails unless every entry of the sample covariance of `n` Gaussian draws lies

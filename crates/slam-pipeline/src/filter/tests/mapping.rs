@@ -21,6 +21,7 @@ const SIGMA_PX: f64 = 0.5;
 
 fn keyframe(pose: &CameraPose) -> Keyframe {
     Keyframe {
+        pose: *pose,
         camera: place(pose),
         body: Se2 {
             x: pose.centre.x,

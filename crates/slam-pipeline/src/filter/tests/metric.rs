@@ -4,7 +4,7 @@ use crate::filter::metric::MetricState;
 use crate::filter::motion::CarrierModel;
 use crate::filter::particle::Particle;
 use estimation_base::Manifold;
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::Vector2;
 
 use super::common::*;
 
@@ -24,7 +24,7 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
     let (true_scale, v, read_sigma) = (1.002, 0.02_f64.powi(2), 2e-4);
     let mut rng = rng(21);
     let model = open_scale(0.02);
-    let mut p = Particle::new(pose(0.0, 0.0, 0.0), MetricState::new(0.02));
+    let mut p = Particle::new(pose(0.0, 0.0, 0.0), MetricState::new(&model));
     let (mut information, mut vector) = (1.0 / v, 1.0 / v);
     let mut floor_free = 0.0;
     for _ in 0..12 {
@@ -53,11 +53,11 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
         "{} against {mean}, sigma {sigma:e}",
         got.scale()
     );
-    assert!((got.scale_variance().sqrt() / sigma - 1.0).abs() < 0.01);
+    assert!((got.constants_covariance()[(0, 0)].sqrt() / sigma - 1.0).abs() < 0.01);
     // Given the path, the position is the scale times the path: fully correlated with it.
     assert!((got.position().x - got.scale() * floor_free).abs() < 1e-9);
     assert!(
-        (got.position_covariance()[(0, 0)].sqrt() - floor_free * got.scale_variance().sqrt()).abs()
+        (got.position_covariance()[(0, 0)].sqrt() - floor_free * got.constants_covariance()[(0, 0)].sqrt()).abs()
             < 1e-9
     );
     assert!(got.position_covariance()[(1, 1)].abs() < 1e-18);
@@ -68,7 +68,7 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
     let mut rng = rng(22);
     let lever = Vector2::new(0.3, -0.2);
     let model = planar_carrier();
-    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.0));
+    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(&model));
     for _ in 0..100 {
         let d = [
             uniform(&mut rng, 0.0, 0.3),
@@ -86,7 +86,7 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
         assert!((body.x - (next.centre.x - cos * lever.x + sin * lever.y)).abs() < 1e-12);
         assert!((body.y - (next.centre.y - sin * lever.x - cos * lever.y)).abs() < 1e-12);
         assert_eq!(p.metric.scale(), 1.0);
-        assert_eq!(p.metric.covariance, Matrix3::zeros());
+        assert_eq!(p.metric.covariance, nalgebra::SMatrix::<f64, 5, 5>::zeros());
     }
 }
 
@@ -94,7 +94,7 @@ fn without_scale_variance_the_body_is_the_camera_less_its_lever() {
 fn turning_in_place_moves_the_camera_and_not_the_body() {
     let lever = Vector2::new(0.0, 0.4);
     let model = open_scale(0.05);
-    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.05));
+    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(&model));
     for _ in 0..63 {
         let prior = model.prior(
             &lever,
@@ -109,7 +109,7 @@ fn turning_in_place_moves_the_camera_and_not_the_body() {
     }
     assert!((p.pose.centre.xy() - lever).norm() < 0.01, "once around");
     // The lever arm is known in metres, so turning tells the scale: 0.4 m of arc each 0.1 mm sure.
-    assert!(p.metric.scale_variance().sqrt() < 0.05 / 5.0);
+    assert!(p.metric.constants_covariance()[(0, 0)].sqrt() < 0.05 / 5.0);
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn covariance_stays_positive_over_a_thousand_steps() {
         scale_drift: 0.01,
         ..open_scale(0.05)
     };
-    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(0.05));
+    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(&model));
     for step in 0..1000 {
         let d = [
             uniform(&mut rng, 0.0, 0.3),
@@ -151,4 +151,74 @@ fn covariance_stays_positive_over_a_thousand_steps() {
             p.metric.scale()
         );
     }
+}
+
+/// The constants and the position are those of weighted least squares over all steps, solved at once.
+#[test]
+fn val_constants_are_those_of_batch_least_squares() {
+    let mut rng = rng(24);
+    let lever = Vector2::new(0.2, -0.1);
+    let model = CarrierModel {
+        turn_bias_sigma: 0.01,
+        turning_centre_sigma_m: 0.2,
+        ..open_scale(0.02)
+    };
+    // Small constants, so that the linearisation of the filter and that of the batch are one.
+    let truth = nalgebra::Vector3::new(1.0005, 2e-3, 0.01);
+    let mut p = Particle::new(pose(lever.x, lever.y, 0.0), MetricState::new(&model));
+    let first = p.metric.constants();
+    let mut information = p.metric.constants_covariance().try_inverse().unwrap();
+    let mut vector = nalgebra::Vector3::zeros();
+    for _ in 0..40 {
+        let u = control(
+            [uniform(&mut rng, 0.0, 0.3), 0.0, uniform(&mut rng, -0.4, 0.4)],
+            [2e-3, 1e-3, 2e-3],
+        );
+        // The pose that the true constants make, with the noise of the odometry.
+        let mut departure = p.departure();
+        departure.constants = truth;
+        departure.constants_covariance.fill(0.0);
+        let exact = model.prior(&lever, &departure, &u);
+        let noise = nalgebra::SVector::from_fn(|_, _| normal(&mut rng));
+        let next = exact.mean.retract(&(exact.factor * noise));
+        // Linear in the constants about their first values.
+        departure.constants = first;
+        let linear = model.prior(&lever, &departure, &u);
+        let weighted = linear
+            .factor
+            .solve_lower_triangular(&linear.gains)
+            .unwrap();
+        let innovation = linear
+            .factor
+            .solve_lower_triangular(&linear.mean.local(&next))
+            .unwrap();
+        information += weighted.tr_mul(&weighted);
+        vector += weighted.tr_mul(&innovation);
+        let prior = model.prior(&lever, &p.departure(), &u);
+        p.metric = p.metric.condition_on_pose(&prior, &next);
+        p.pose = next;
+    }
+    let covariance = information.try_inverse().unwrap();
+    let mean = first + covariance * vector;
+    let got = p.metric;
+    for i in 0..3 {
+        let sigma = covariance[(i, i)].sqrt();
+        assert!(
+            (got.constants()[i] - mean[i]).abs() < 0.05 * sigma,
+            "constant {i}: {} against {} +- {sigma}",
+            got.constants()[i],
+            mean[i]
+        );
+        assert!((got.constants_covariance()[(i, i)].sqrt() / sigma - 1.0).abs() < 0.02);
+        assert!((got.constants()[i] - truth[i]).abs() < 4.0 * sigma);
+        assert!(sigma < 0.7 * model_sigma(&model, i), "the steps tell of {i}");
+    }
+}
+
+fn model_sigma(model: &CarrierModel, constant: usize) -> f64 {
+    [
+        model.scale_sigma,
+        model.turn_bias_sigma,
+        model.turning_centre_sigma_m,
+    ][constant]
 }

@@ -8,3 +8,4 @@ mod mapping;
 mod metric;
 mod motion;
 mod pose;
+mod redraw;

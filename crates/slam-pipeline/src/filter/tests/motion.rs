@@ -1,6 +1,6 @@
 //! The motion prior against an independent SE(2) composition and Monte Carlo.
 
-use crate::filter::motion::CarrierModel;
+use crate::filter::motion::{CarrierModel, NoiseFactors};
 use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, PoseMatrix, PoseStep};
 use crate::odometry::Control;
@@ -19,6 +19,9 @@ fn carrier() -> CarrierModel {
         slope_sigma: 0.01,
         scale_drift: 0.01,
         scale_sigma: 0.05,
+        turn_bias_sigma: 0.0,
+        turning_centre_sigma_m: 0.0,
+        noise: NoiseFactors::NOMINAL,
     }
 }
 
@@ -220,4 +223,91 @@ fn log_density_is_the_quadratic_form_across_the_seam() {
         );
     }
     assert_eq!(prior.log_density(&prior.mean), 0.0);
+}
+
+/// The gains of the constants and of the departure are the derivatives of the mean.
+#[test]
+fn gains_match_differences() {
+    let mut rng = rng(14);
+    for _ in 0..50 {
+        let mut p = particle(random_pose(&mut rng));
+        p.metric.mean[0] = uniform(&mut rng, 0.7, 1.4);
+        p.metric.mean[3] = uniform(&mut rng, -0.1, 0.1);
+        p.metric.mean[4] = uniform(&mut rng, -0.5, 0.5);
+        let mut u = control([0.3, 0.05, uniform(&mut rng, -1.0, 1.0)], [0.01; 3]);
+        u.turn_bias_gain = nalgebra::Vector3::new(0.002, 0.015, 0.1);
+        let departure = p.departure();
+        let model = carrier();
+        let prior = model.prior(&LEVER, &departure, &u);
+        let h = 1e-6;
+        for constant in 0..3 {
+            let at = |step: f64| {
+                let mut d = departure;
+                d.constants[constant] += step;
+                prior.mean.local(&model.prior(&LEVER, &d, &u).mean)
+            };
+            let difference = (at(h) - at(-h)) / (2.0 * h);
+            // The heading of the step is linear in the bias; the position turns with it only in the lever arm.
+            assert!(
+                (difference - prior.gains.column(constant)).norm() < 1e-8,
+                "constant {constant}: {difference} {}",
+                prior.gains.column(constant)
+            );
+        }
+        let derivative = prior.by_departure(&departure.pose);
+        for axis in 0..6 {
+            let at = |step: f64| {
+                let mut d = departure;
+                let mut tangent = PoseStep::zeros();
+                tangent[axis] = step;
+                d.pose = d.pose.retract(&tangent);
+                prior.mean.local(&model.prior(&LEVER, &d, &u).mean)
+            };
+            let difference = (at(h) - at(-h)) / (2.0 * h);
+            assert!((difference - derivative.column(axis)).norm() < 1e-8, "axis {axis}");
+        }
+    }
+}
+
+/// A body whose origin lies behind the point that does not slip moves sideways, away from the turn's centre.
+#[test]
+fn an_origin_behind_the_turning_centre_moves_out_of_the_curve() {
+    let mut p = particle(pose(0.0, 0.0, 0.0));
+    p.metric.mean[4] = 0.6;
+    let turn = 0.2;
+    let prior = carrier().prior(
+        &Vector2::zeros(),
+        &p.departure(),
+        &control([0.0, 0.0, turn], [0.01; 3]),
+    );
+    // The turning centre stays at (0.6, 0); the origin is 0.6 m behind it along the new heading.
+    assert!((prior.mean.centre.x - (0.6 - 0.6 * turn.cos())).abs() < 1e-15);
+    assert!((prior.mean.centre.y + 0.6 * turn.sin()).abs() < 1e-15);
+}
+
+/// The factors act on their own body axes, whatever the heading.
+#[test]
+fn noise_factors_scale_the_body_axes() {
+    let p = particle(pose(0.0, 0.0, 2.1));
+    let u = control([0.2, 0.0, 0.0], [0.02, 0.03, 0.01]);
+    let body_sigmas = |noise: NoiseFactors| {
+        let model = CarrierModel { noise, ..carrier() };
+        let prior = model.prior(&Vector2::zeros(), &p.departure(), &u);
+        let (sin, cos) = 2.1_f64.sin_cos();
+        let left = PoseStep::from([-sin, cos, 0.0, 0.0, 0.0, 0.0]);
+        let covariance = prior.factor * prior.factor.transpose();
+        (
+            left.dot(&(covariance * left)).sqrt(),
+            covariance[(3, 3)].sqrt(),
+        )
+    };
+    let nominal = body_sigmas(NoiseFactors::NOMINAL);
+    let wide = body_sigmas(NoiseFactors {
+        sideways: 3.0,
+        heading: 5.0,
+        ..NoiseFactors::NOMINAL
+    });
+    // The floors of a tenth of a millimetre and milliradian do not grow.
+    assert!((wide.0 / nominal.0 - 3.0).abs() < 1e-3, "{wide:?} {nominal:?}");
+    assert!((wide.1 / nominal.1 - 5.0).abs() < 1e-3);
 }

@@ -299,6 +299,7 @@ fn open_depth_tells_nothing_along_the_baseline() {
     let anchor = place(&start);
     let mut p = particle(start);
     p.path.push(Keyframe {
+        pose: start,
         camera: anchor,
         body: Se2 {
             x: 0.0,

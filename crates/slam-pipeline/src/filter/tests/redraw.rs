@@ -1,0 +1,379 @@
+//! The local batch against a dense oracle without elimination, and the new draw against the posterior of that oracle: in
+//! a nearly linear problem the draws have the exact posterior, so the draw leaves it invariant.
+
+use std::sync::Arc;
+
+use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
+use crate::filter::local_batch::segment_gaussian;
+use crate::filter::mapping::Mapping;
+use crate::filter::motion::CarrierModel;
+use crate::filter::observation::{FrameObservation, MatchedFeature, Scoring};
+use crate::filter::particle::Particle;
+use crate::filter::pose::{CameraPose, POSE_DIM, PoseStep};
+use crate::filter::redraw::PathRedraw;
+use crate::filter::segment::{Segment, SegmentDriver, WindowStep};
+use crate::method::LandmarkStart;
+use crate::rig::Rig;
+use estimation_base::Manifold;
+use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting};
+use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector2, Vector3};
+use rbpf_core::{MapUpdate as _, Streams};
+use ukf::SigmaPoints;
+
+use super::common::*;
+
+const SIGMA_PX: f64 = 0.1;
+const STEPS: usize = 4;
+const DEPTH: InverseDepthPrior = InverseDepthPrior {
+    mean: 0.5,
+    sigma: 0.05,
+};
+/// Share of the prior of the depth that the local batch leaves.
+const LEFT_OF_DEPTH: f64 = 1e-3;
+
+/// A start with its first keyframe and the keyframes of a drive past twelve points: four are known as points, four are
+/// open depths anchored in the start, and four are first seen in the window.
+struct Drive {
+    rig: Rig,
+    start: Particle,
+    steps: Vec<Arc<WindowStep>>,
+    poses: Vec<CameraPose>,
+    /// Parameters of the landmarks at the beginning, with the information about them that the batch uses.
+    landmarks: Vec<(Landmark, Matrix3<f64>)>,
+}
+
+fn carrier() -> CarrierModel {
+    CarrierModel {
+        tilt_sigma: 2e-4,
+        slope_sigma: 2e-3,
+        ..planar_carrier()
+    }
+}
+
+fn mapping(rig: &Rig) -> Mapping<'_> {
+    Mapping {
+        rig,
+        points: SigmaPoints::default(),
+        start: LandmarkStart::SecondSighting,
+    }
+}
+
+fn observation(control: crate::odometry::Control, matches: Vec<MatchedFeature>) -> FrameObservation {
+    FrameObservation {
+        control,
+        matches,
+        initialised: Vec::new(),
+        removed: Vec::new(),
+    }
+}
+
+fn open_landmark(anchor: u32, pixel: &Vector2<f64>) -> (Landmark, Matrix3<f64>) {
+    let (mean, covariance) = first_sighting(&PINHOLE, pixel, SIGMA_PX, DEPTH.mean, DEPTH.sigma);
+    let mut information = covariance.try_inverse().unwrap();
+    information[(2, 2)] *= LEFT_OF_DEPTH;
+    let landmark = Landmark {
+        parametrisation: Parametrisation::InverseDepth { anchor },
+        mean,
+        covariance,
+    };
+    (landmark, information)
+}
+
+fn drive(seed: u64) -> Drive {
+    let mut rng = rng(seed);
+    let rig = rig();
+    let mut start = particle(pose(0.0, 0.0, 0.2));
+    let Ok(()) = mapping(&rig).update_map(
+        &mut start,
+        &observation(control([0.0; 3], [0.0; 3]), Vec::new()),
+    );
+    let u = control([0.1, 0.0, 0.01], [1e-3, 5e-4, 1e-3]);
+    let mut poses = Vec::new();
+    let mut now = particle(start.pose);
+    for _ in 0..STEPS {
+        let prior = carrier().prior(&rig.lever_m(), &now.departure(), &u);
+        let step = prior.factor * PoseStep::from_fn(|_, _| normal(&mut rng));
+        now.pose = prior.mean.retract(&step);
+        poses.push(now.pose);
+    }
+    let anchor = start.pose.place(&rig);
+    let truth: Vec<Vector3<f64>> = (0..12)
+        .map(|_| {
+            let seen = Vector3::new(
+                uniform(&mut rng, -0.5, 0.5),
+                uniform(&mut rng, -0.4, 0.4),
+                uniform(&mut rng, 1.8, 2.2),
+            );
+            anchor.centre + anchor.camera_from_world.tr_mul(&seen)
+        })
+        .collect();
+    // Within a standard deviation, so that no residual reaches the bend of Huber's function.
+    let mut pixel = |pose: &CameraPose, x: &Vector3<f64>| {
+        let exact = LandmarkGeometry::Point
+            .ray(x)
+            .project(&PINHOLE, &pose.place(&rig))
+            .unwrap();
+        exact + Vector2::from_fn(|_, _| SIGMA_PX * uniform(&mut rng, -1.0, 1.0))
+    };
+    let mut landmarks = Vec::new();
+    for (id, x) in truth.iter().enumerate() {
+        landmarks.push(match id {
+            0..4 => {
+                let variance = Matrix3::from_diagonal(&Vector3::new(1e-6, 4e-6, 1e-6));
+                (point(*x, variance), variance.try_inverse().unwrap())
+            }
+            4..8 => open_landmark(0, &pixel(&start.pose, x)),
+            _ => open_landmark(1, &pixel(&poses[0], x)),
+        });
+        if id < 8 {
+            start.map.insert(id as u32, landmarks[id].0);
+        }
+    }
+    let steps = (0..STEPS)
+        .map(|k| {
+            let first = if k == 0 { 8 } else { 12 };
+            let matches = (0..first)
+                .map(|id| MatchedFeature {
+                    id: id as u32,
+                    pixel: pixel(&poses[k], &truth[id]),
+                    variance_px2: SIGMA_PX * SIGMA_PX,
+                    scoring: Scoring::Full,
+                    prototype: (k == 1 && id >= 8).then_some(landmarks[id].0),
+                })
+                .collect();
+            Arc::new(WindowStep {
+                observation: observation(u, matches),
+                carrier: carrier(),
+            })
+        })
+        .collect();
+    Drive {
+        rig,
+        start,
+        steps,
+        poses,
+        landmarks,
+    }
+}
+
+impl Drive {
+    /// Whitened residuals of poses (as tangents at the true ones) and landmark parameters, all in one vector.
+    fn residuals(&self, unknowns: &DVector<f64>) -> DVector<f64> {
+        let poses: Vec<CameraPose> = self
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(k, p)| p.retract(&unknowns.fixed_rows::<6>(6 * k).into_owned()))
+            .collect();
+        let parameters =
+            |id: usize| -> Vector3<f64> { unknowns.fixed_rows::<3>(6 * STEPS + 3 * id).into() };
+        let mut residuals = Vec::new();
+        let mut from = particle(self.start.pose);
+        for (step, pose) in self.steps.iter().zip(&poses) {
+            let prior = step.carrier.prior(
+                &self.rig.lever_m(),
+                &from.departure(),
+                &step.observation.control,
+            );
+            let whitened = prior
+                .factor
+                .solve_lower_triangular(&prior.mean.local(pose))
+                .unwrap();
+            residuals.extend(whitened.iter());
+            from.pose = *pose;
+        }
+        for (id, (landmark, information)) in self.landmarks.iter().enumerate() {
+            let root = information.map(f64::sqrt);
+            residuals.extend((root * (parameters(id) - landmark.mean)).iter());
+        }
+        for (step, pose) in self.steps.iter().zip(&poses) {
+            for m in &step.observation.matches {
+                let id = m.id as usize;
+                let geometry = match self.landmarks[id].0.anchor() {
+                    None => LandmarkGeometry::Point,
+                    Some(0) => LandmarkGeometry::InverseDepth {
+                        anchor: self.start.pose.place(&self.rig),
+                    },
+                    Some(_) => LandmarkGeometry::InverseDepth {
+                        anchor: poses[0].place(&self.rig),
+                    },
+                };
+                let seen = geometry
+                    .ray(&parameters(id))
+                    .project(&PINHOLE, &pose.place(&self.rig))
+                    .unwrap();
+                residuals.extend(((seen - m.pixel) / SIGMA_PX).iter());
+            }
+        }
+        DVector::from_vec(residuals)
+    }
+
+    /// Mean (tangents at the true poses) and covariance of the stacked poses, by Gauss-Newton with difference quotients.
+    fn oracle(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let n = 6 * STEPS + 3 * self.landmarks.len();
+        let mut unknowns = DVector::zeros(n);
+        for (id, (landmark, _)) in self.landmarks.iter().enumerate() {
+            unknowns
+                .fixed_rows_mut::<3>(6 * STEPS + 3 * id)
+                .copy_from(&landmark.mean);
+        }
+        let mut information = DMatrix::zeros(n, n);
+        for _ in 0..6 {
+            let residuals = self.residuals(&unknowns);
+            let mut jacobian = DMatrix::zeros(residuals.len(), n);
+            for i in 0..n {
+                let mut step = DVector::zeros(n);
+                step[i] = 1e-6;
+                let difference =
+                    self.residuals(&(&unknowns + &step)) - self.residuals(&(&unknowns - &step));
+                jacobian.set_column(i, &(difference / 2e-6));
+            }
+            information = jacobian.tr_mul(&jacobian);
+            let step = information
+                .clone()
+                .cholesky()
+                .unwrap()
+                .solve(&jacobian.tr_mul(&residuals));
+            unknowns -= step;
+        }
+        let covariance = information.try_inverse().unwrap();
+        let n = 6 * STEPS;
+        (
+            unknowns.rows(0, n).into_owned(),
+            covariance.view((0, 0), (n, n)).into_owned(),
+        )
+    }
+
+    fn driver<'a>(&'a self, mapping: &'a Mapping<'a>) -> SegmentDriver<'a> {
+        SegmentDriver {
+            rig: &self.rig,
+            mapping,
+            depth: DEPTH,
+        }
+    }
+
+    /// Tangents of a path at the true poses.
+    fn stacked(&self, path: &[CameraPose]) -> DVector<f64> {
+        let mut stacked = DVector::zeros(6 * STEPS);
+        for (k, (truth, pose)) in self.poses.iter().zip(path).enumerate() {
+            stacked
+                .fixed_rows_mut::<POSE_DIM>(6 * k)
+                .copy_from(&truth.local(pose));
+        }
+        stacked
+    }
+}
+
+#[test]
+fn val_the_local_batch_is_the_dense_solution() {
+    for seed in 0..5 {
+        let drive = drive(40 + seed);
+        let mapping = mapping(&drive.rig);
+        let gaussian =
+            segment_gaussian(&drive.driver(&mapping), &drive.start, &drive.steps).unwrap();
+        let (mean, covariance) = drive.oracle();
+        let factor = &gaussian.precision_factor;
+        let got = (factor * factor.transpose()).try_inverse().unwrap();
+        let difference = drive.stacked(&gaussian.mean) - &mean;
+        for i in 0..mean.len() {
+            let sigma = covariance[(i, i)].sqrt();
+            assert!(
+                difference[i].abs() < 0.02 * sigma,
+                "seed {seed}, unknown {i}: {} of {sigma}",
+                difference[i]
+            );
+            for j in 0..mean.len() {
+                let scale = sigma * covariance[(j, j)].sqrt();
+                let error = (got[(i, j)] - covariance[(i, j)]).abs() / scale;
+                assert!(error < 0.01, "seed {seed}, {i} {j}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn new_draws_have_the_posterior_of_the_whole_window() {
+    let drive = drive(50);
+    let mapping = mapping(&drive.rig);
+    let origin = Segment::snapshot(&drive.start);
+    let count = 3000;
+    let mut particles: Vec<Particle> = (0..count)
+        .map(|_| {
+            let mut p = drive.start.clone();
+            p.segment.older = Some(origin.clone());
+            p
+        })
+        .collect();
+    let redraw = PathRedraw {
+        driver: drive.driver(&mapping),
+        steps: &drive.steps,
+        middle: 2,
+    };
+    let log_weights = vec![-(count as f64).ln(); count];
+    let increments = redraw.apply(&mut particles, &log_weights, &Streams::new(9), 7);
+    assert!(increments.iter().all(|i| i.abs() < 1e-9));
+    let (mean, covariance) = drive.oracle();
+    // Every pose of the window, the first as much as the last: later images reach back.
+    for k in 0..STEPS {
+        let at = mean.fixed_rows::<6>(6 * k).into_owned();
+        let draws: Vec<SVector<f64, 6>> = particles
+            .iter()
+            .map(|p| {
+                let pose = p.path.get(1 + k).unwrap().pose;
+                drive.poses[k].local(&pose) - at
+            })
+            .collect();
+        let block = covariance.fixed_view::<6, 6>(6 * k, 6 * k).into_owned();
+        assert_sample_covariance(&draws, &block, 0.02);
+    }
+    for p in &particles {
+        assert_eq!(p.path.len(), 1 + STEPS);
+        assert_eq!(p.pose, p.path.last().unwrap().pose);
+        // The middle state ends with the second step of the new path.
+        let newer = p.segment.newer.as_ref().unwrap();
+        assert_eq!(newer.path.len(), 3);
+        assert_eq!(newer.pose, p.path.get(2).unwrap().pose);
+        assert!(p.map.get(11).is_some(), "the landmarks of the window are mapped");
+    }
+}
+
+#[test]
+fn a_family_shares_the_mean_of_its_weights() {
+    let drive = drive(51);
+    let mapping = mapping(&drive.rig);
+    let (one, other) = (
+        Segment::snapshot(&drive.start),
+        Segment::snapshot(&drive.start),
+    );
+    let mut particles: Vec<Particle> = [Some(&one), Some(&one), Some(&other), None]
+        .into_iter()
+        .map(|origin| {
+            let mut p = drive.start.clone();
+            p.segment.older = origin.cloned();
+            p
+        })
+        .collect();
+    let weights = [0.1, 0.3, 0.4, 0.2_f64];
+    let redraw = PathRedraw {
+        driver: drive.driver(&mapping),
+        steps: &drive.steps,
+        middle: 0,
+    };
+    let increments = redraw.apply(
+        &mut particles,
+        &weights.map(f64::ln),
+        &Streams::new(1),
+        3,
+    );
+    let after: Vec<f64> = weights
+        .iter()
+        .zip(&increments)
+        .map(|(w, i)| w * i.exp())
+        .collect();
+    for (got, expected) in after.iter().zip([0.2, 0.2, 0.4, 0.2]) {
+        assert!((got - expected).abs() < 1e-12, "{after:?}");
+    }
+    // A particle without an earlier state keeps its path.
+    assert_eq!(particles[3].path.len(), drive.start.path.len());
+    assert_ne!(particles[0].pose, particles[1].pose);
+}
