@@ -59,6 +59,7 @@ fn odometry_alone_is_a_weighted_mean() {
         let increment = Increment {
             mean: Se2::new(x, 0.0, 0.0),
             covariance: Matrix3::from_diagonal(&Vector3::new(variance, variance, 0.001)),
+            turn_bias_gain: Vector3::zeros(),
         };
         problem
             .odometry

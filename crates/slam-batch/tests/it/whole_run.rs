@@ -98,8 +98,9 @@ fn frames_between_keyframes_take_their_share_of_the_correction() {
         );
     }
     assert_eq!(recording.keyframes(), [0, 4, 8]);
-    let config = slam_pipeline::config::Config::default().check().unwrap();
-    let problem = recording.problem(rig, Model::of(&config), &[]);
+    let mut config = slam_pipeline::config::Config::default();
+    config.odometry.forward_per_sqrt_m = 0.03;
+    let problem = recording.problem(rig, Model::of(&config.check().unwrap()), &[]);
     let solution = solve(&problem).unwrap();
     let path = recording.whole_path(&solution);
     let x = |frame: usize| path[frame].pose.x;

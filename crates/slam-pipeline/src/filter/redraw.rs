@@ -35,7 +35,7 @@ pub(crate) struct PathRedraw<'a> {
 
 impl PathRedraw<'_> {
     /// Draws every path again and returns the increments of the log weights. Random numbers are those of `frame` and the
-    /// slot. A particle whose local batch fails keeps its path.
+    /// slot. A particle whose local batch fails keeps its path, and so do all when the window has seen nothing.
     #[must_use]
     pub(crate) fn apply(
         &self,
@@ -44,6 +44,9 @@ impl PathRedraw<'_> {
         streams: &Streams,
         frame: u64,
     ) -> Vec<f64> {
+        if self.steps.iter().all(|s| s.observation.matches.is_empty()) {
+            return vec![0.0; particles.len()];
+        }
         let family = families(particles);
         let gaussians: Vec<Option<SegmentGaussian>> = family
             .origins
