@@ -204,7 +204,10 @@ fn regress_covariance_does_not_depend_on_the_row_rate() {
         // Within a row the noise is constant: what that is worth falls with the square of the row's length, a thousandth
         // at 0.1 s.
         let error = (slow.covariance - fast.covariance).amax();
-        assert!(error < 2e-3 * fast.covariance.amax(), "{v} {omega}: {error:e}");
+        assert!(
+            error < 2e-3 * fast.covariance.amax(),
+            "{v} {omega}: {error:e}"
+        );
     }
 }
 
@@ -240,7 +243,10 @@ fn a_robot_at_rest_is_uncertain_by_its_time_alone() {
     let expected = Matrix3::from_diagonal(&Vector3::new(4.0 * 25e-6, 0.0, 4.0 * 25e-6));
     assert!((increment.covariance - expected).amax() < 1e-18);
     let none = accumulate(&[], &noise()).unwrap();
-    assert_eq!((none.mean, none.covariance), (Se2::identity(), Matrix3::zeros()));
+    assert_eq!(
+        (none.mean, none.covariance),
+        (Se2::identity(), Matrix3::zeros())
+    );
 }
 
 #[test]

@@ -110,11 +110,13 @@ impl Drive {
                 let (way, turn) = (row.v_mps * DT_S, row.omega_radps * DT_S);
                 let v = row.v_mps * (1.0 + truth_of(Constant::WheelScale))
                     + normal()
-                        * rate(noise.forward_per_sqrt_m, way).hypot(rate(noise.forward_per_sqrt_s, DT_S));
+                        * rate(noise.forward_per_sqrt_m, way)
+                            .hypot(rate(noise.forward_per_sqrt_s, DT_S));
                 let omega = row.omega_radps
                     + truth_of(Constant::TurnRateBias)
                     + normal()
-                        * rate(noise.turn_per_sqrt_rad, turn).hypot(rate(noise.turn_per_sqrt_s, DT_S));
+                        * rate(noise.turn_per_sqrt_rad, turn)
+                            .hypot(rate(noise.turn_per_sqrt_s, DT_S));
                 let slip = truth_of(Constant::SlipAngle);
                 let sideways = normal() * rate(noise.sideways_per_sqrt_m, way);
                 body = body.compose(&Se2::exp(

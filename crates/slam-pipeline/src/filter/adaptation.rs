@@ -110,8 +110,8 @@ impl Adaptation {
             let before: f64 = factor.row(row).norm_squared();
             let share = explained[(row, row)] / before;
             if share > LEAST_SHARE {
-                let square = (correction[row] * correction[row] / explained[(row, row)])
-                    .min(LARGEST_SQUARE);
+                let square =
+                    (correction[row] * correction[row] / explained[(row, row)]).min(LARGEST_SQUARE);
                 next.sums[j] = next.sums[j].with(share, square * in_force[j] * in_force[j]);
             }
         }
@@ -187,7 +187,10 @@ mod tests {
         // Five axes, three standard errors each, of a skewed sum.
         assert!(adapted < 0.12, "{adapted}");
         // A noise that is stated three times too large is not touched either.
-        let adapted: f64 = (0..10).map(|seed| drive(seed, 1.0 / 3.0, 200).0).sum::<f64>() / 10.0;
+        let adapted: f64 = (0..10)
+            .map(|seed| drive(seed, 1.0 / 3.0, 200).0)
+            .sum::<f64>()
+            / 10.0;
         assert!(adapted < 0.12, "{adapted}");
     }
 

@@ -63,9 +63,7 @@ impl SegmentGaussian {
     /// The path mean + G^-T `normal`: a draw, if `normal` is one of N(0, I). `None` when the factor is singular.
     #[must_use]
     pub(crate) fn path(&self, normal: &DVector<f64>) -> Option<Vec<CameraPose>> {
-        let stacked = self
-            .precision_factor
-            .tr_solve_lower_triangular(normal)?;
+        let stacked = self.precision_factor.tr_solve_lower_triangular(normal)?;
         Some(
             self.mean
                 .iter()
@@ -279,8 +277,8 @@ impl<'a> Problem<'a> {
             None => None,
             Some(keyframe) => Some(self.node(keyframe)?),
         };
-        let geometry = anchor.map_or(LandmarkGeometry::Point, |a| LandmarkGeometry::InverseDepth {
-            anchor: a.camera,
+        let geometry = anchor.map_or(LandmarkGeometry::Point, |a| {
+            LandmarkGeometry::InverseDepth { anchor: a.camera }
         });
         let pinhole = self.driver.rig.pinhole();
         let ray = geometry.ray(&track.mean);
@@ -336,13 +334,12 @@ impl<'a> Problem<'a> {
             information += by_landmark.tr_mul(&by_landmark) * weight;
             own += by_landmark.tr_mul(&residual) * weight;
             for (k, j) in &poses {
-                *blocks.entry(*k).or_insert_with(SMatrix::zeros) +=
-                    j.tr_mul(&by_landmark) * weight;
+                *blocks.entry(*k).or_insert_with(SMatrix::zeros) += j.tr_mul(&by_landmark) * weight;
                 let mut rows = vector.fixed_rows_mut::<POSE_DIM>(POSE_DIM * k);
                 rows += j.tr_mul(&residual) * weight;
                 for (l, i) in &poses {
-                    let mut block = precision
-                        .fixed_view_mut::<POSE_DIM, POSE_DIM>(POSE_DIM * k, POSE_DIM * l);
+                    let mut block =
+                        precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(POSE_DIM * k, POSE_DIM * l);
                     block += j.tr_mul(i) * weight;
                 }
             }
@@ -409,7 +406,12 @@ fn attitude_rates(pose: &CameraPose) -> Matrix3<f64> {
 }
 
 /// The landmarks that score in the window, with their Gaussians at its beginning or after their first sighting.
-fn tracks(start: &Particle, end: &Particle, steps: &[Arc<WindowStep>], depth: InverseDepthPrior) -> Vec<Track> {
+fn tracks(
+    start: &Particle,
+    end: &Particle,
+    steps: &[Arc<WindowStep>],
+    depth: InverseDepthPrior,
+) -> Vec<Track> {
     let mut tracks: BTreeMap<u32, Track> = BTreeMap::new();
     for (k, step) in steps.iter().enumerate() {
         for m in &step.observation.matches {

@@ -12,7 +12,6 @@
 use estimation_base::Manifold;
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
-
 use crate::odometry::Control;
 
 use super::pose::{CameraPose, PLANAR, POSE_DIM, PoseMatrix};

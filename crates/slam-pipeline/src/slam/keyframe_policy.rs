@@ -51,7 +51,9 @@ impl KeyframePolicy {
             return true;
         }
         let middle = cues.parallax_px.len() / 2;
-        let (_, median, _) = cues.parallax_px.select_nth_unstable_by(middle, f64::total_cmp);
+        let (_, median, _) = cues
+            .parallax_px
+            .select_nth_unstable_by(middle, f64::total_cmp);
         *median >= self.min_parallax_px
     }
 }

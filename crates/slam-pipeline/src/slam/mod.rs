@@ -17,9 +17,9 @@ mod plan;
 mod report;
 mod results;
 mod scoring_budget;
-mod window;
 #[cfg(test)]
 mod tests;
+mod window;
 
 use mono_geometry::Se2;
 
@@ -31,10 +31,10 @@ use vision_sift::Features;
 
 use crate::ablation::Ablation;
 use crate::config::ValidConfig;
+use crate::filter::adaptation::Adaptation;
 use crate::filter::drift::Drift;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::metric::MetricState;
-use crate::filter::adaptation::Adaptation;
 use crate::filter::motion::{CarrierModel, NoiseFactors};
 use crate::filter::particle::Particle;
 use crate::filter::pose::CameraPose;
@@ -45,10 +45,10 @@ use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
 use keyframe_policy::KeyframePolicy;
-use window::Window;
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
 };
+use window::Window;
 
 /// Why a frame could not be processed.
 #[derive(Debug, Error)]

@@ -10,11 +10,11 @@ use super::{
     FrameInput, FrameReport, KeypointFate, KeypointReport, PoseEstimate, Slam, SlamError, Stage,
     StageObserver,
 };
+use crate::filter::particle::Particle;
 use crate::frontend::associate::associate;
 use crate::frontend::association::{Association, Pair};
-use crate::frontend::frame::FrameFeatures;
-use crate::filter::particle::Particle;
 use crate::frontend::catalogue::Catalogue;
+use crate::frontend::frame::FrameFeatures;
 use crate::odometry::{Control, Odometer};
 
 /// The outcome of a frame, not yet part of the state.
@@ -73,7 +73,10 @@ impl Slam {
             &prior,
             &self.association,
         );
-        let keyframe = state.frame == 0 || self.keyframes.wants(self.keyframe_cues(&reference, &control, &association));
+        let keyframe = state.frame == 0
+            || self
+                .keyframes
+                .wants(self.keyframe_cues(&reference, &control, &association));
         let mut report = FrameReport {
             estimate: state.last,
             keyframe,

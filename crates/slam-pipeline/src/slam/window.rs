@@ -17,7 +17,6 @@ use crate::filter::redraw::PathRedraw;
 use crate::filter::segment::{Segment, SegmentDriver, WindowStep};
 use crate::method::Evolution;
 
-
 /// The keyframes since the older state of the particles.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Window {
@@ -71,12 +70,7 @@ impl Slam {
         let log_weights = filter.set().log_weights().to_vec();
         let streams = *filter.streams();
         let frame = self.state.frame;
-        let increments = redraw.apply(
-            filter.particles_mut(),
-            &log_weights,
-            &streams,
-            frame as u64,
-        );
+        let increments = redraw.apply(filter.particles_mut(), &log_weights, &streams, frame as u64);
         filter
             .reweight(&increments)
             .map_err(|e| filter_error(frame, e))?;

@@ -57,7 +57,9 @@ fn scale_is_the_weighted_least_squares_of_odometry_on_images() {
     // Given the path, the position is the scale times the path: fully correlated with it.
     assert!((got.position().x - got.scale() * floor_free).abs() < 1e-9);
     assert!(
-        (got.position_covariance()[(0, 0)].sqrt() - floor_free * got.constants_covariance()[(0, 0)].sqrt()).abs()
+        (got.position_covariance()[(0, 0)].sqrt()
+            - floor_free * got.constants_covariance()[(0, 0)].sqrt())
+        .abs()
             < 1e-9
     );
     assert!(got.position_covariance()[(1, 1)].abs() < 1e-18);
@@ -171,7 +173,11 @@ fn val_constants_are_those_of_batch_least_squares() {
     let mut vector = nalgebra::Vector3::zeros();
     for _ in 0..40 {
         let u = control(
-            [uniform(&mut rng, 0.0, 0.3), 0.0, uniform(&mut rng, -0.4, 0.4)],
+            [
+                uniform(&mut rng, 0.0, 0.3),
+                0.0,
+                uniform(&mut rng, -0.4, 0.4),
+            ],
             [2e-3, 1e-3, 2e-3],
         );
         // The pose that the true constants make, with the noise of the odometry.
@@ -184,10 +190,7 @@ fn val_constants_are_those_of_batch_least_squares() {
         // Linear in the constants about their first values.
         departure.constants = first;
         let linear = model.prior(&lever, &departure, &u);
-        let weighted = linear
-            .factor
-            .solve_lower_triangular(&linear.gains)
-            .unwrap();
+        let weighted = linear.factor.solve_lower_triangular(&linear.gains).unwrap();
         let innovation = linear
             .factor
             .solve_lower_triangular(&linear.mean.local(&next))
@@ -211,7 +214,10 @@ fn val_constants_are_those_of_batch_least_squares() {
         );
         assert!((got.constants_covariance()[(i, i)].sqrt() / sigma - 1.0).abs() < 0.02);
         assert!((got.constants()[i] - truth[i]).abs() < 4.0 * sigma);
-        assert!(sigma < 0.7 * model_sigma(&model, i), "the steps tell of {i}");
+        assert!(
+            sigma < 0.7 * model_sigma(&model, i),
+            "the steps tell of {i}"
+        );
     }
 }
 

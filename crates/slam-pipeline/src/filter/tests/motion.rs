@@ -264,7 +264,10 @@ fn gains_match_differences() {
                 prior.mean.local(&model.prior(&LEVER, &d, &u).mean)
             };
             let difference = (at(h) - at(-h)) / (2.0 * h);
-            assert!((difference - derivative.column(axis)).norm() < 1e-8, "axis {axis}");
+            assert!(
+                (difference - derivative.column(axis)).norm() < 1e-8,
+                "axis {axis}"
+            );
         }
     }
 }
@@ -308,6 +311,9 @@ fn noise_factors_scale_the_body_axes() {
         ..NoiseFactors::NOMINAL
     });
     // The floors of a tenth of a millimetre and milliradian do not grow.
-    assert!((wide.0 / nominal.0 - 3.0).abs() < 1e-3, "{wide:?} {nominal:?}");
+    assert!(
+        (wide.0 / nominal.0 - 3.0).abs() < 1e-3,
+        "{wide:?} {nominal:?}"
+    );
     assert!((wide.1 / nominal.1 - 5.0).abs() < 1e-3);
 }

@@ -58,7 +58,10 @@ fn mapping(rig: &Rig) -> Mapping<'_> {
     }
 }
 
-fn observation(control: crate::odometry::Control, matches: Vec<MatchedFeature>) -> FrameObservation {
+fn observation(
+    control: crate::odometry::Control,
+    matches: Vec<MatchedFeature>,
+) -> FrameObservation {
     FrameObservation {
         control,
         matches,
@@ -333,7 +336,10 @@ fn new_draws_have_the_posterior_of_the_whole_window() {
         let newer = p.segment.newer.as_ref().unwrap();
         assert_eq!(newer.path.len(), 3);
         assert_eq!(newer.pose, p.path.get(2).unwrap().pose);
-        assert!(p.map.get(11).is_some(), "the landmarks of the window are mapped");
+        assert!(
+            p.map.get(11).is_some(),
+            "the landmarks of the window are mapped"
+        );
     }
 }
 
@@ -359,12 +365,7 @@ fn a_family_shares_the_mean_of_its_weights() {
         steps: &drive.steps,
         middle: 0,
     };
-    let increments = redraw.apply(
-        &mut particles,
-        &weights.map(f64::ln),
-        &Streams::new(1),
-        3,
-    );
+    let increments = redraw.apply(&mut particles, &weights.map(f64::ln), &Streams::new(1), 3);
     let after: Vec<f64> = weights
         .iter()
         .zip(&increments)
