@@ -165,6 +165,8 @@ pub(crate) fn config(particles: u32, seed: u64) -> ValidConfig {
     config.odometry.scale_bias = 0.0;
     config.carrier.tilt_sigma = 0.0;
     config.carrier.slope_sigma = 0.0;
+    config.carrier.turn_bias_sigma = 0.0;
+    config.carrier.turning_centre_sigma_m = 0.0;
     config.features.sigma_px = SIGMA_PX;
     config.check().unwrap()
 }
