@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use slam_io::{PathFigures, RunFigures, RunRecord};
+use slam_io::{PathFigures, RunFigures, RunRecord, SmootherRecord};
 
 use crate::escape::escape;
 use crate::units::{angle, duration, length, three_digits};
@@ -110,6 +110,9 @@ pub(super) fn tables(run: &RunRecord, figures: &RunFigures) -> String {
     html.push_str("<div class=\"grid\">\n");
     html.push_str(&run_table(run, figures));
     html.push_str(&time_table(figures));
+    if let Some(smoother) = &run.smoother {
+        html.push_str(&smoother_table(smoother));
+    }
     html.push_str("</div>\n</section>\n");
     if !figures.notes.is_empty() {
         html.push_str("<section>\n<h2>Notes of the filter</h2>\n<ul class=\"card notes\">\n");
@@ -212,6 +215,23 @@ fn time_table(figures: &RunFigures) -> String {
         ("Whole run", duration(figures.wall_s)),
     ];
     rows_card("Time per frame, mean", &rows)
+}
+
+/// Where the smoothed path comes from, and the constants of the robot that it learned.
+fn smoother_table(smoother: &SmootherRecord) -> String {
+    let mut rows = vec![("Smoothed path", escape(&smoother.method))];
+    if let Some(note) = &smoother.note {
+        rows.push(("because", escape(note)));
+    }
+    let names: Vec<String> = smoother.constants.iter().map(|c| escape(&c.name)).collect();
+    for (name, constant) in names.iter().zip(&smoother.constants) {
+        let text = format!(
+            "{:.5} ± {:.5} (before: 0 ± {})",
+            constant.value, constant.sigma, constant.prior_sigma
+        );
+        rows.push((name, text));
+    }
+    rows_card("Smoother", &rows)
 }
 
 fn rows_card(title: &str, rows: &[(&str, String)]) -> String {

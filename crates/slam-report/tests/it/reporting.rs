@@ -77,6 +77,7 @@ fn the_page_is_well_formed_and_stands_alone() {
         "normalised innovation squared",
         "Time per frame",
         "What the camera saw",
+        "0.03333 ± 0.00100 (before: 0 ± 0.002)",
         "dead reckoning",
         "prefers-color-scheme: dark",
     ] {
