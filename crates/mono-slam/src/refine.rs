@@ -50,7 +50,16 @@ pub struct Refinement {
 #[must_use]
 pub fn priors(run: &RecordedRun) -> Constants {
     let known = &run.camera.sigma;
-    let mut priors = usual_priors().with(Constant::WheelScale, run.config.odometry.scale_bias);
+    let mut priors = Model::of(&run.config)
+        .constants
+        .with(Constant::WheelScale, run.config.odometry.scale_bias)
+        .with(Constant::MountYaw, 0.01)
+        .with(Constant::LeverX, 0.02)
+        .with(Constant::LeverY, 0.02)
+        .with(Constant::FocalScale, 0.01)
+        .with(Constant::PrincipalX, 2.0)
+        .with(Constant::PrincipalY, 2.0)
+        .with(Constant::Lens, 0.01);
     for (constant, sigma) in [
         (Constant::FocalScale, known.fx.map(|s| s / run.camera.fx)),
         (Constant::PrincipalX, known.cx),
@@ -65,19 +74,6 @@ pub fn priors(run: &RecordedRun) -> Constants {
         }
     }
     priors
-}
-
-fn usual_priors() -> Constants {
-    Constants::ZERO
-        .with(Constant::TurningCentre, 0.1)
-        .with(Constant::TurnRateBias, 0.002)
-        .with(Constant::MountYaw, 0.01)
-        .with(Constant::LeverX, 0.02)
-        .with(Constant::LeverY, 0.02)
-        .with(Constant::FocalScale, 0.01)
-        .with(Constant::PrincipalX, 2.0)
-        .with(Constant::PrincipalY, 2.0)
-        .with(Constant::Lens, 0.01)
 }
 
 /// Refines the camera of `runs`, whose noise is that of the first run's configuration.

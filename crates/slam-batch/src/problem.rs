@@ -69,13 +69,13 @@ pub struct Model {
 /// Threshold of the loss: the consensus has gated the matches before, so the bend is where two coordinates of a good
 /// match hardly ever come.
 const HUBER_SIGMAS: f64 = 2.5;
-/// Constants that a drive without further knowledge may learn: a table-top or room robot.
+/// The turning centre of a table-top or room robot of which nothing more is said. A filter pays for this freedom with the
+/// heading that its wheels know; the batch does not.
 const TURNING_CENTRE_SIGMA_M: f64 = 0.1;
-const TURN_RATE_BIAS_SIGMA: f64 = 0.002;
 
 impl Model {
-    /// The model that the filter believes, from its configuration, and what it leaves out: the turning centre and
-    /// the bias of the turn rate.
+    /// The model that the filter believes, from its configuration, with a turning centre that is free by at least
+    /// 0.1 m.
     #[must_use]
     pub fn of(config: &ValidConfig) -> Self {
         let tilts = config.filter.method == Method::Exact;
@@ -94,8 +94,14 @@ impl Model {
             scale_bias: config.odometry.scale_bias,
             min_depth_m: config.mapping.min_depth_m,
             constants: Constants::ZERO
-                .with(Constant::TurningCentre, TURNING_CENTRE_SIGMA_M)
-                .with(Constant::TurnRateBias, TURN_RATE_BIAS_SIGMA),
+                .with(
+                    Constant::TurningCentre,
+                    config
+                        .carrier
+                        .turning_centre_sigma_m
+                        .max(TURNING_CENTRE_SIGMA_M),
+                )
+                .with(Constant::TurnRateBias, config.carrier.turn_bias_sigma),
             max_iterations: 30,
         }
     }
