@@ -19,9 +19,25 @@ pub struct SyntaxError {
 /// # Errors
 /// [`SyntaxError`] naming line and key.
 pub fn from_toml(text: &str) -> Result<Config, SyntaxError> {
-    toml::from_str(text).map_err(|error: toml::de::Error| SyntaxError {
+    let syntax = |error: toml::de::Error| SyntaxError {
         message: syntax_message(text, &error),
-    })
+    };
+    // Read for its faults and for the kind of robot, whose defaults lie below the keys of the text.
+    let plain: Config = toml::from_str(text).map_err(syntax)?;
+    let defaults = Config::for_robot(plain.robot.preset);
+    if defaults == Config::default() {
+        return Ok(plain);
+    }
+    let mut table: toml::Table = toml::from_str(&to_toml(&defaults)).map_err(syntax)?;
+    let stated: toml::Table = toml::from_str(text).map_err(syntax)?;
+    for (section, keys) in stated {
+        if let (Some(toml::Value::Table(below)), toml::Value::Table(keys)) =
+            (table.get_mut(&section), keys)
+        {
+            below.extend(keys);
+        }
+    }
+    table.try_into().map_err(syntax)
 }
 
 /// The configuration as TOML text without comments.
@@ -71,6 +87,7 @@ fn syntax_message(text: &str, error: &toml::de::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slam_pipeline::config::Robot;
 
     #[test]
     fn documented_text_is_the_default_and_complete() {
@@ -97,6 +114,22 @@ mod tests {
                 (a, b) => assert_eq!(a, b, "{}", field.key),
             }
         }
+    }
+
+    #[test]
+    fn a_preset_sets_what_the_text_does_not() {
+        let car = Config::for_robot(Robot::Car);
+        assert_eq!(from_toml("[robot]\npreset = \"car\"\n").unwrap(), car);
+        let read = from_toml(
+            "[robot]\npreset = \"car\"\n[keyframes]\nmin_parallax_px = 7.0\n[filter]\nseed = 3\n",
+        )
+        .unwrap();
+        assert_eq!(read.keyframes.min_parallax_px, 7.0);
+        assert_eq!(read.filter.seed, 3);
+        assert_eq!(read.carrier, car.carrier);
+        assert_eq!(read.odometry, car.odometry);
+        let unknown = from_toml("[robot]\npreset = \"boat\"\n").unwrap_err().to_string();
+        assert!(unknown.contains("line 2") && unknown.contains("boat"), "{unknown}");
     }
 
     #[test]

@@ -6,12 +6,15 @@
 
 mod error;
 mod fields;
+mod robot;
 mod sections;
 mod valid;
 
 pub use error::ConfigError;
 pub use fields::{FIELDS, Field, Range};
+pub use robot::Robot;
 pub use sections::{
+    RobotSection,
     AssociationSection, CarrierSection, Config, FeaturesSection, FilterSection, KeyframesSection,
     MappingSection, Method, OdometrySection,
 };

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::robot::Robot;
+
 /// Which filter runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -82,6 +84,12 @@ pub struct CarrierSection {
     pub scale_drift: f64,
     /// Scale at the start, standard deviation.
     pub scale_sigma: f64,
+    /// Heading of the body axes against the first direction of the reference, standard deviation, radians.
+    pub first_heading_sigma: f64,
+    /// Yaw of the camera mount, standard deviation, radians.
+    pub mount_yaw_sigma: f64,
+    /// Focal length, relative standard deviation.
+    pub focal_sigma: f64,
     /// Constant error of the turn rate, standard deviation, rad/s.
     pub turn_bias_sigma: f64,
     /// How far ahead of the body origin the point lies that does not slip, standard deviation, metres.
@@ -148,12 +156,22 @@ pub struct KeyframesSection {
     pub max_gap_s: f64,
 }
 
+/// `[robot]`
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RobotSection {
+    /// Kind of robot; it sets the defaults of the other sections.
+    pub preset: Robot,
+}
+
 /// Everything a run can be told.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// The particle filter.
     pub filter: FilterSection,
+    /// The robot.
+    pub robot: RobotSection,
     /// Noise of the odometry.
     pub odometry: OdometrySection,
     /// The carrier beyond its odometry.
@@ -205,6 +223,9 @@ impl Default for CarrierSection {
             slope_sigma: 0.01,
             scale_drift: 0.01,
             scale_sigma: 0.05,
+            first_heading_sigma: 0.005,
+            mount_yaw_sigma: 0.0,
+            focal_sigma: 0.003,
             turn_bias_sigma: 0.002,
             turning_centre_sigma_m: 0.0,
         }

@@ -29,12 +29,19 @@ use super::particle::Particle;
 use super::pose::{CameraPose, POSE_DIM, PoseMatrix, PoseStep};
 use super::segment::{SegmentDriver, WindowStep};
 
-/// Gauss-Newton steps.
-const STEPS: usize = 3;
+/// Steps tried, accepted or not.
+const STEPS: usize = 8;
+/// Damping after a step that failed, as a share of the diagonal; it grows and shrinks tenfold.
+const FIRST_DAMPING: f64 = 1e-3;
+/// The adjustment has settled when a step promises to lower the cost by less than this: a fifth of a standard deviation in
+/// one direction.
+const SETTLED: f64 = 0.02;
 /// Linearisations of the pose in the path that the adjustment starts from.
 const START_LINEARISATIONS: usize = 2;
 /// Residuals beyond this many standard deviations count linearly.
 const HUBER_SIGMAS: f64 = 2.5;
+/// Cost of a sighting whose landmark the pose cannot see.
+const UNSEEN_COST: f64 = 20.0;
 /// Variance that keeps a constant which is known exactly out of a division by zero.
 const LEAST_CONSTANT_VARIANCE: f64 = 1e-14;
 
@@ -114,9 +121,20 @@ struct Elimination {
     blocks: BTreeMap<usize, SMatrix<f64, POSE_DIM, 3>>,
     inverse: Matrix3<f64>,
     vector: Vector3<f64>,
+    cost: f64,
 }
 
-/// The Gaussian of the path of `steps` that starts in `start`; `None` when the normal equations are singular.
+/// The normal equations of poses and constants.
+struct NormalEquations {
+    precision: DMatrix<f64>,
+    vector: DVector<f64>,
+    eliminated: Vec<Option<Elimination>>,
+    /// Half the sum of the squared residuals, Huber's function of the sightings; up to a constant.
+    cost: f64,
+}
+
+/// The Gaussian of the path of `steps` that starts in `start`; `None` when the normal equations are singular or the
+/// adjustment does not settle.
 ///
 /// Time O(matches x poses a landmark is seen from + (6 L)^3).
 #[must_use]
@@ -126,12 +144,7 @@ pub(crate) fn segment_gaussian(
     steps: &[Arc<WindowStep>],
 ) -> Option<SegmentGaussian> {
     let mut problem = Problem::new(driver, start, steps);
-    for _ in 0..STEPS {
-        let (precision, vector, eliminated) = problem.normal_equations()?;
-        let step = precision.cholesky()?.solve(&vector);
-        problem.apply(&step, &eliminated);
-    }
-    let (precision, _, _) = problem.normal_equations()?;
+    let precision = problem.solve()?;
     let n = POSE_DIM * steps.len();
     let constants = precision.view((n, n), (CONSTANTS, CONSTANTS)).into_owned();
     let cross = precision.view((0, n), (n, CONSTANTS)).into_owned();
@@ -182,11 +195,48 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn normal_equations(&self) -> Option<(DMatrix<f64>, DVector<f64>, Vec<Option<Elimination>>)> {
+    /// Levenberg-Marquardt from the start path; the precision of poses and constants at the solution.
+    fn solve(&mut self) -> Option<DMatrix<f64>> {
+        let mut damping = 0.0;
+        let mut normal = self.normal_equations()?;
+        for _ in 0..STEPS {
+            let mut damped = normal.precision.clone();
+            for i in 0..damped.nrows() {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let step = damped.cholesky()?.solve(&normal.vector);
+            if damping == 0.0 && 0.5 * step.dot(&normal.vector) < SETTLED {
+                return Some(normal.precision);
+            }
+            let before = (self.poses.clone(), self.constants, self.landmark_means());
+            self.apply(&step, &normal.eliminated);
+            match self.normal_equations() {
+                Some(next) if next.cost < normal.cost => {
+                    normal = next;
+                    damping = if damping > FIRST_DAMPING { damping * 0.1 } else { 0.0 };
+                }
+                _ => {
+                    let means;
+                    (self.poses, self.constants, means) = before;
+                    for (track, mean) in self.tracks.iter_mut().zip(means) {
+                        track.mean = mean;
+                    }
+                    damping = (damping * 10.0).max(FIRST_DAMPING);
+                }
+            }
+        }
+        None
+    }
+
+    fn landmark_means(&self) -> Vec<Vector3<f64>> {
+        self.tracks.iter().map(|t| t.mean).collect()
+    }
+
+    fn normal_equations(&self) -> Option<NormalEquations> {
         let n = POSE_DIM * self.steps.len();
         let mut precision = DMatrix::zeros(n + CONSTANTS, n + CONSTANTS);
         let mut vector = DVector::zeros(n + CONSTANTS);
-        self.add_motion(&mut precision, &mut vector)?;
+        let mut cost = self.add_motion(&mut precision, &mut vector)?;
         let nodes: Vec<Node> = (0..self.steps.len())
             .map(|k| self.node((self.start.path.len() + k) as u32))
             .collect::<Option<_>>()?;
@@ -194,6 +244,7 @@ impl<'a> Problem<'a> {
         for track in &self.tracks {
             let part = self.eliminate(track, &nodes, &mut precision, &mut vector);
             if let Some(part) = &part {
+                cost += part.cost;
                 let weighted: Vec<_> = part
                     .blocks
                     .iter()
@@ -211,10 +262,16 @@ impl<'a> Problem<'a> {
             }
             eliminated.push(part);
         }
-        Some((precision, vector, eliminated))
+        Some(NormalEquations {
+            precision,
+            vector,
+            eliminated,
+            cost,
+        })
     }
 
-    fn add_motion(&self, precision: &mut DMatrix<f64>, vector: &mut DVector<f64>) -> Option<()> {
+    /// Adds the factors of the motion and returns their cost.
+    fn add_motion(&self, precision: &mut DMatrix<f64>, vector: &mut DVector<f64>) -> Option<f64> {
         let n = POSE_DIM * self.steps.len();
         let floor = Matrix3::identity() * LEAST_CONSTANT_VARIANCE;
         let information = (self.start.metric.constants_covariance() + floor)
@@ -223,7 +280,9 @@ impl<'a> Problem<'a> {
         let mut corner = precision.fixed_view_mut::<CONSTANTS, CONSTANTS>(n, n);
         corner += information;
         let mut rows = vector.fixed_rows_mut::<CONSTANTS>(n);
-        rows += information * (self.start.metric.constants() - self.constants);
+        let off = self.start.metric.constants() - self.constants;
+        rows += information * off;
+        let mut cost = 0.5 * off.dot(&(information * off));
         let mut from = self.start.pose;
         for (k, (step, pose)) in self.steps.iter().zip(&self.poses).enumerate() {
             let prior = step.carrier.prior(
@@ -239,6 +298,7 @@ impl<'a> Problem<'a> {
                 .factor
                 .solve_lower_triangular(&PoseMatrix::identity())?;
             let residual: PoseStep = whiten * prior.mean.local(pose);
+            cost += 0.5 * residual.norm_squared();
             let own = whiten;
             let before = -whiten * prior.by_departure(&from);
             let constants = -whiten * prior.gains;
@@ -262,7 +322,7 @@ impl<'a> Problem<'a> {
             }
             from = *pose;
         }
-        Some(())
+        Some(cost)
     }
 
     /// Adds the sightings of a landmark and returns what its elimination needs; `None` when it is not seen from the poses.
@@ -285,15 +345,22 @@ impl<'a> Problem<'a> {
         let mut information = track.prior_information;
         let mut own = track.prior_vector - track.prior_information * track.mean;
         let mut blocks: BTreeMap<usize, SMatrix<f64, POSE_DIM, 3>> = BTreeMap::new();
+        let mut cost = track.mean.dot(&(track.prior_information * track.mean * 0.5 - track.prior_vector));
         for sighting in &track.sightings {
             let node = &nodes[sighting.step];
             let Some(predicted) = ray.project(pinhole, &node.camera) else {
+                cost += UNSEEN_COST;
                 continue;
             };
             let by_landmark = geometry.parameter_jacobian(pinhole, &node.camera, &track.mean)?;
             let residual = sighting.pixel - predicted;
             let normalised = residual.norm() / sighting.variance_px2.sqrt();
             let weight = (HUBER_SIGMAS / normalised).min(1.0) / sighting.variance_px2;
+            cost += if normalised > HUBER_SIGMAS {
+                HUBER_SIGMAS * (normalised - 0.5 * HUBER_SIGMAS)
+            } else {
+                0.5 * normalised * normalised
+            };
             let direction = ray.base + (ray.origin - node.camera.centre) * ray.rate;
             let q = node.camera.camera_from_world * direction;
             let by_direction = SMatrix::<f64, 2, 3>::new(
@@ -349,6 +416,7 @@ impl<'a> Problem<'a> {
             blocks,
             inverse,
             vector: own,
+            cost,
         })
     }
 

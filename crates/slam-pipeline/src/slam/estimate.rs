@@ -34,11 +34,56 @@ impl Slam {
             ReportedCovariance::SpreadAndDrift => cover(&covariance, &drift),
             ReportedCovariance::Spread => covariance,
         };
+        let unseen = match self.policies.reported {
+            ReportedCovariance::SpreadAndDrift => {
+                let step = Vector2::new(
+                    pose.x - self.state.last.pose.x,
+                    pose.y - self.state.last.pose.y,
+                );
+                let turn = wrap(pose.phi - self.state.last.pose.phi);
+                self.state.turned.add(&step, turn);
+                self.calibration_covariance(&pose)
+            }
+            ReportedCovariance::Spread => Matrix3::zeros(),
+        };
         let along = Vector3::new(pose.x, pose.y, 0.0) * self.config.odometry.scale_bias;
         PoseEstimate {
             pose,
-            covariance: covered + along * along.transpose(),
+            covariance: covered + unseen + along * along.transpose(),
         }
+    }
+
+    /// The covariance of the errors that no image sees: a first heading, a mount or a focal length that is wrong.
+    ///
+    /// A first heading off by a turns the whole path and the heading by a; a camera mounted with a yaw of a turns the path
+    /// alone. A relative error of the focal length is one of every angle turned, and swings the path driven since.
+    fn calibration_covariance(&self, pose: &Se2) -> Matrix3<f64> {
+        let carrier = &self.config.carrier;
+        let heading = Vector3::new(-pose.y, pose.x, 1.0) * carrier.first_heading_sigma;
+        let mount = Vector3::new(-pose.y, pose.x, 0.0) * carrier.mount_yaw_sigma;
+        let focal = self.state.turned.gain() * carrier.focal_sigma;
+        heading * heading.transpose() + mount * mount.transpose() + focal * focal.transpose()
+    }
+}
+
+/// The effect of a relative error of all angles on the pose: the angle turned so far, and its swing of the path.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Turned {
+    angle: f64,
+    swing: Vector2<f64>,
+}
+
+impl Turned {
+    /// Adds a step of the path, world axes, that ends with a turn.
+    fn add(&mut self, step: &Vector2<f64>, turn: f64) {
+        let middle = self.angle + 0.5 * turn;
+        self.swing += Vector2::new(-step.y, step.x) * middle;
+        self.angle += turn;
+    }
+
+    /// d (x, y, phi) / d (relative error).
+    fn gain(&self) -> Vector3<f64> {
+        Vector3::new(self.swing.x, self.swing.y, self.angle)
     }
 }
 
@@ -112,5 +157,42 @@ pub(super) fn between_keyframes(
     PoseEstimate {
         pose: now,
         covariance: transition * last.covariance * transition.transpose() + added,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A path whose turns are all too large by the share e ends where the gain times e says.
+    #[test]
+    fn the_gain_of_turning_is_the_derivative_of_the_path() {
+        let path = |stretch: f64| {
+            let mut pose = Se2::identity();
+            let mut turned = Turned::default();
+            for k in 0..200 {
+                let turn = 0.02 * (1.0 + (f64::from(k) * 0.05).sin());
+                // The chord of an arc.
+                let half = Se2::new(0.0, 0.0, 0.5 * turn * stretch);
+                let next = pose
+                    .compose(&half)
+                    .compose(&Se2::new(0.05, 0.0, 0.0))
+                    .compose(&half);
+                turned.add(&Vector2::new(next.x - pose.x, next.y - pose.y), turn);
+                pose = next;
+            }
+            (pose, turned)
+        };
+        let e = 1e-6;
+        let (straight, turned) = path(1.0);
+        let (more, less) = (path(1.0 + e).0, path(1.0 - e).0);
+        let gain = turned.gain();
+        let difference = Vector3::new(
+            more.x - less.x,
+            more.y - less.y,
+            wrap(more.phi - less.phi),
+        ) / (2.0 * e);
+        assert!((difference - gain).norm() < 1e-6, "{difference} {gain}");
+        assert!(gain.z > 3.0 && straight.phi.abs() <= core::f64::consts::PI);
     }
 }

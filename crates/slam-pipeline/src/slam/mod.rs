@@ -44,6 +44,7 @@ use crate::frontend::gate::Gate;
 use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
+use estimate::Turned;
 use keyframe_policy::KeyframePolicy;
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
@@ -113,6 +114,8 @@ struct State {
     drift: Drift,
     /// How much larger than stated the process noise is.
     adaptation: Adaptation,
+    /// How far an error of the focal length has swung the path.
+    turned: Turned,
     /// The keyframes that may be driven again.
     window: Window,
     /// Index of the next frame.
@@ -205,6 +208,7 @@ impl Slam {
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
                 drift: Drift::default(),
                 adaptation: Adaptation::default(),
+                turned: Turned::default(),
                 window: Window::default(),
                 frame: 0,
                 keyframe: 0,
