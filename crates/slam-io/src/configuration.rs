@@ -128,8 +128,13 @@ mod tests {
         assert_eq!(read.filter.seed, 3);
         assert_eq!(read.carrier, car.carrier);
         assert_eq!(read.odometry, car.odometry);
-        let unknown = from_toml("[robot]\npreset = \"boat\"\n").unwrap_err().to_string();
-        assert!(unknown.contains("line 2") && unknown.contains("boat"), "{unknown}");
+        let unknown = from_toml("[robot]\npreset = \"boat\"\n")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            unknown.contains("line 2") && unknown.contains("boat"),
+            "{unknown}"
+        );
     }
 
     #[test]

@@ -14,8 +14,7 @@ pub use error::ConfigError;
 pub use fields::{FIELDS, Field, Range};
 pub use robot::Robot;
 pub use sections::{
-    RobotSection,
     AssociationSection, CarrierSection, Config, FeaturesSection, FilterSection, KeyframesSection,
-    MappingSection, Method, OdometrySection,
+    MappingSection, Method, OdometrySection, RobotSection,
 };
 pub use valid::ValidConfig;

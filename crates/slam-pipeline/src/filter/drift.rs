@@ -69,21 +69,25 @@ impl Support {
                 Scoring::MapOnly => {}
             }
         }
-        // x = F xi', Lambda^-1 = F F^T: Lambda^-1 Lambda_a = F M_a F^-1.
+        // x = F xi': Lambda^-1 Lambda_a = F T^-1 M_a F^-1, with T the information of the prior and of all groups together.
+        // The posterior itself has down-weighted matches; dividing by its information could give gains above one.
         let factor = prior.factor * posterior.factor;
+        let total =
+            posterior.factor.tr_mul(&posterior.factor) + information.values().sum::<PoseMatrix>();
+        let total = total.cholesky()?;
         let inverse = factor.solve_lower_triangular(&PoseMatrix::identity())?;
         let metric = Matrix3::from_diagonal(&Vector3::new(scale, scale, 1.0));
         let unit = Matrix3::from_diagonal(&Vector3::new(1.0 / scale, 1.0 / scale, 1.0));
         let gains = information
             .into_iter()
             .map(|(a, m)| {
-                let gain = planar(&(factor * m * inverse));
+                let gain = planar(&(factor * total.solve(&m) * inverse));
                 (a, metric * gain * unit)
             })
             .collect();
         Some(Self {
             gains,
-            covariance: metric * planar(&(factor * factor.transpose())) * metric,
+            covariance: metric * planar(&(factor * total.solve(&factor.transpose()))) * metric,
         })
     }
 }
@@ -206,6 +210,47 @@ mod tests {
         Support {
             gains: BTreeMap::from([(anchor, Matrix3::identity() * gain)]),
             covariance: Matrix3::identity() * (sigma * sigma),
+        }
+    }
+
+    /// A consensus that down-weighted most of its matches is less sure than all matches together. Gains against its own
+    /// information summed to hundreds, and the covariance exploded at a revisit.
+    #[test]
+    fn regress_gains_never_exceed_one_together() {
+        use crate::filter::tests::common::{
+            control, inverse_depth, normal, particle, place, planar_carrier, pose, prepared, rig,
+            rng,
+        };
+        use mono_geometry::inverse_depth::LandmarkGeometry;
+        let mut rng = rng(61);
+        let p = particle(pose(0.0, 0.0, 0.1));
+        let u = control([0.1, 0.0, 0.01], [0.01, 0.01, 0.02]);
+        let prior = planar_carrier().prior(&Vector2::zeros(), &p.departure(), &u);
+        let anchor = place(&p.pose);
+        let matches: Vec<(u32, Prepared)> = (0..60)
+            .map(|i| {
+                let direction = Vector3::new(0.1 * normal(&mut rng), 0.1 * normal(&mut rng), 0.5);
+                let landmark = inverse_depth(direction, Matrix3::identity() * 1e-8);
+                let geometry = LandmarkGeometry::InverseDepth { anchor };
+                let pixel = Vector2::new(160.0, 120.0);
+                (
+                    i % 3,
+                    prepared(geometry, &landmark, pixel, 0.36, Scoring::Full),
+                )
+            })
+            .collect();
+        for posterior in [
+            PosePosterior::prior(),
+            PosePosterior {
+                factor: PoseMatrix::identity() * 0.5,
+                ..PosePosterior::prior()
+            },
+        ] {
+            let support = Support::new(&rig(), &prior, &posterior, 1.0, &matches).unwrap();
+            let sum: Matrix3<f64> = support.gains.values().sum();
+            assert!(support.gains.len() == 3 && sum.norm() > 0.5, "{sum}");
+            let largest = sum.complex_eigenvalues().map(|v| v.norm()).max();
+            assert!(largest < 1.0 + 1e-9, "{largest}: {sum}");
         }
     }
 

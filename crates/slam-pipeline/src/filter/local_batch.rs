@@ -213,7 +213,11 @@ impl<'a> Problem<'a> {
             match self.normal_equations() {
                 Some(next) if next.cost < normal.cost => {
                     normal = next;
-                    damping = if damping > FIRST_DAMPING { damping * 0.1 } else { 0.0 };
+                    damping = if damping > FIRST_DAMPING {
+                        damping * 0.1
+                    } else {
+                        0.0
+                    };
                 }
                 _ => {
                     let means;
@@ -345,7 +349,9 @@ impl<'a> Problem<'a> {
         let mut information = track.prior_information;
         let mut own = track.prior_vector - track.prior_information * track.mean;
         let mut blocks: BTreeMap<usize, SMatrix<f64, POSE_DIM, 3>> = BTreeMap::new();
-        let mut cost = track.mean.dot(&(track.prior_information * track.mean * 0.5 - track.prior_vector));
+        let mut cost = track
+            .mean
+            .dot(&(track.prior_information * track.mean * 0.5 - track.prior_vector));
         for sighting in &track.sightings {
             let node = &nodes[sighting.step];
             let Some(predicted) = ray.project(pinhole, &node.camera) else {

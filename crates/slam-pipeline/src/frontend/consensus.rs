@@ -31,6 +31,7 @@ pub(crate) fn consensus(
         };
         let mut prepared = predicted.prepared;
         prepared.pixel = pixel;
+        prepared.variance_px2 *= frame.variance_stretch[k];
         prepared.scoring = scoring(rig, &prepared, prior, params);
         let nis = mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance);
         let feature = MatchedFeature {

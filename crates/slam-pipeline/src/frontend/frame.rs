@@ -2,8 +2,8 @@
 
 use kiddo::SquaredEuclidean;
 use kiddo::float::kdtree::KdTree;
-use mono_geometry::Camera;
-use nalgebra::Vector2;
+use mono_geometry::{Camera, Distortion};
+use nalgebra::{Matrix2, Vector2};
 use vision_sift::Features;
 
 /// Keypoints that look the same as their neighbours to the last digit would
@@ -18,6 +18,8 @@ pub(crate) struct FrameFeatures<'a> {
     pub(crate) features: &'a Features,
     /// Ideal pinhole pixel of each keypoint; `None` outside the lens model.
     pub(crate) ideal: Vec<Option<Vector2<f64>>>,
+    /// Variance of an ideal pixel per variance of the measured one: the lens stretches the noise with the image.
+    pub(crate) variance_stretch: Vec<f64>,
     tree: KdTree<f64, u64, 2, BUCKET, u32>,
 }
 
@@ -34,6 +36,10 @@ impl<'a> FrameFeatures<'a> {
                     .ok()
             })
             .collect();
+        let variance_stretch = ideal
+            .iter()
+            .map(|p| p.map_or(1.0, |p| variance_stretch(camera, &p)))
+            .collect();
         let mut tree = KdTree::with_capacity(ideal.len().max(1));
         for (i, p) in ideal.iter().enumerate() {
             if let Some(p) = p {
@@ -43,6 +49,7 @@ impl<'a> FrameFeatures<'a> {
         Self {
             features,
             ideal,
+            variance_stretch,
             tree,
         }
     }
@@ -58,5 +65,69 @@ impl<'a> FrameFeatures<'a> {
             .collect();
         found.sort_unstable();
         found
+    }
+}
+
+/// The area of ideal pixels that one measured pixel at the ideal pixel `p` becomes: one over the determinant of the lens, by
+/// central differences over a pixel.
+fn variance_stretch(camera: &Camera, p: &Vector2<f64>) -> f64 {
+    if camera.distortion() == &Distortion::None {
+        return 1.0;
+    }
+    let half = 0.5;
+    let along =
+        |step: Vector2<f64>| camera.distort_pixel(&(p + step)) - camera.distort_pixel(&(p - step));
+    let area = Matrix2::from_columns(&[
+        along(Vector2::new(half, 0.0)),
+        along(Vector2::new(0.0, half)),
+    ])
+    .determinant()
+    .abs();
+    if area > 0.0 { 1.0 / area } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mono_geometry::Pinhole;
+
+    /// Noise of one pixel in a barrel-shaped image spreads as its square of variance does when the image is straightened.
+    #[test]
+    fn noise_behind_a_lens_is_stretched_with_the_image() {
+        let pinhole = Pinhole {
+            width: 640,
+            height: 480,
+            fx: 400.0,
+            fy: 400.0,
+            cx: 319.5,
+            cy: 239.5,
+        };
+        let barrel = Distortion::Radtan {
+            k1: -0.28,
+            k2: 0.07,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        };
+        let camera = Camera::new(pinhole, barrel).unwrap();
+        let measured = Vector2::new(600.0, 440.0);
+        let ideal = camera.undistort_pixel(&measured).unwrap();
+        let shifted = |x: f64, y: f64| {
+            camera
+                .undistort_pixel(&(measured + Vector2::new(x, y)))
+                .unwrap()
+                - ideal
+        };
+        let h = 1e-3;
+        let area = Matrix2::from_columns(&[shifted(h, 0.0) / h, shifted(0.0, h) / h])
+            .determinant()
+            .abs();
+        let stretch = variance_stretch(&camera, &ideal);
+        assert!((stretch / area - 1.0).abs() < 2e-3, "{stretch} {area}");
+        assert!(stretch > 1.5, "the corner is stretched: {stretch}");
+        let centre = variance_stretch(&camera, &Vector2::new(319.5, 239.5));
+        assert!((centre - 1.0).abs() < 1e-4, "{centre}");
+        let plain = Camera::new(pinhole, Distortion::None).unwrap();
+        assert_eq!(variance_stretch(&plain, &ideal), 1.0);
     }
 }

@@ -34,6 +34,7 @@ impl Predicted {
     pub(crate) fn measured(&self, feature: &MatchedFeature) -> Prepared {
         Prepared {
             pixel: feature.pixel,
+            variance_px2: feature.variance_px2,
             scoring: feature.scoring,
             ..self.prepared
         }

@@ -187,11 +187,8 @@ mod tests {
         let (straight, turned) = path(1.0);
         let (more, less) = (path(1.0 + e).0, path(1.0 - e).0);
         let gain = turned.gain();
-        let difference = Vector3::new(
-            more.x - less.x,
-            more.y - less.y,
-            wrap(more.phi - less.phi),
-        ) / (2.0 * e);
+        let difference =
+            Vector3::new(more.x - less.x, more.y - less.y, wrap(more.phi - less.phi)) / (2.0 * e);
         assert!((difference - gain).norm() < 1e-6, "{difference} {gain}");
         assert!(gain.z > 3.0 && straight.phi.abs() <= core::f64::consts::PI);
     }

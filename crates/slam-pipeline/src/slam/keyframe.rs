@@ -269,7 +269,7 @@ impl Slam {
                     self.rig.pinhole(),
                     self.state.keyframe,
                     &pixel,
-                    self.association.sigma_px,
+                    self.association.sigma_px * seen.frame.variance_stretch[k].sqrt(),
                     depth,
                 ),
                 sighting: self.sighting(pixel),
