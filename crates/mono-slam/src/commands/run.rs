@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
-use slam_io::{RunRecord, Sequence, configuration, write_run};
-use slam_pipeline::config::{Config, Method, ValidConfig};
+use slam_io::{CameraFile, RunRecord, Sequence, configuration, write_run};
+use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
@@ -30,6 +30,9 @@ pub(crate) struct Arguments {
     /// Configuration file; `mono-slam config` prints the default
     #[arg(long, value_name = "slam.toml")]
     config: Option<PathBuf>,
+    /// Kind of robot: the defaults of noise, turning centre and keyframes
+    #[arg(long, value_enum, conflicts_with = "config")]
+    robot: Option<RobotName>,
     /// Which filter runs
     #[arg(long, value_enum)]
     method: Option<MethodName>,
@@ -51,6 +54,16 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum RobotName {
+    /// A decimetre or two, such as a model car
+    TableTop,
+    /// Some decimetres, driven indoors
+    Room,
+    /// Metres, steered
+    Car,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum MethodName {
     /// The paper's filter made exact
     Exact,
@@ -63,7 +76,12 @@ enum MethodName {
 /// Runs and writes the results.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = settings(arguments)?;
+    config
+        .clone()
+        .check()
+        .map_err(|e| Failure::input(e.to_string()))?;
     let sequence = Sequence::open(&arguments.sequence)?;
+    let config = with_camera_sigmas(config, &sequence.camera)?;
     if arguments.max_ate.is_some() && sequence.reference.is_none() {
         return Err(Failure::input(format!(
             "--max-ate needs a reference path, {} has none",
@@ -89,9 +107,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn settings(arguments: &Arguments) -> Result<ValidConfig, Failure> {
+fn settings(arguments: &Arguments) -> Result<Config, Failure> {
     let mut config = match &arguments.config {
-        None => Config::default(),
+        None => Config::for_robot(match arguments.robot {
+            Some(RobotName::TableTop) => Robot::TableTop,
+            None | Some(RobotName::Room) => Robot::Room,
+            Some(RobotName::Car) => Robot::Car,
+        }),
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(|e| {
                 Failure::input(format!(
@@ -119,6 +141,23 @@ fn settings(arguments: &Arguments) -> Result<ValidConfig, Failure> {
     if let Some(threads) = arguments.threads {
         config.filter.threads = threads;
     }
+    Ok(config)
+}
+
+/// `config` with the standard deviations that the camera file states: they are those of this very camera.
+fn with_camera_sigmas(mut config: Config, camera: &CameraFile) -> Result<ValidConfig, Failure> {
+    let relative = |sigma: Option<f64>, value: f64| sigma.map(|s| s / value);
+    let focal = [
+        relative(camera.sigma.fx, camera.fx),
+        relative(camera.sigma.fy, camera.fy),
+    ];
+    if let Some(sigma) = focal.into_iter().flatten().reduce(f64::max) {
+        config.carrier.focal_sigma = sigma;
+    }
+    // An error of the principal point turns every ray sideways, as one of the mount does.
+    let centre = relative(camera.sigma.cx, camera.fx).unwrap_or(0.0);
+    let yaw = camera.sigma.mount_yaw;
+    config.carrier.mount_yaw_sigma = yaw.unwrap_or(config.carrier.mount_yaw_sigma).hypot(centre);
     config.check().map_err(|e| Failure::input(e.to_string()))
 }
 

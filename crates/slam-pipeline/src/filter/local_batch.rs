@@ -14,6 +14,7 @@
 //! dd = w_a x base + rho (dc_a - dc_k), and w = e_z dphi + R_z e_y dpitch + R_z R_y e_x droll.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use estimation_base::Manifold;
@@ -21,7 +22,7 @@ use mono_geometry::PlacedCamera;
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector2, Vector3};
 
-use super::landmark::InverseDepthPrior;
+use super::landmark::{InverseDepthPrior, Landmark};
 use super::linearised::pose_posterior;
 use super::motion::{CONSTANTS, Departure};
 use super::observation::Scoring;
@@ -492,46 +493,57 @@ fn tracks(
             if m.scoring == Scoring::MapOnly {
                 continue;
             }
-            if !tracks.contains_key(&m.id) {
-                let Some(landmark) = start.map.get(m.id).copied().or(m.prototype) else {
-                    continue;
-                };
-                let Some(prior) = landmark.covariance.cholesky() else {
-                    continue;
-                };
-                let mut prior_information = prior.inverse();
-                let mut prior_vector = prior_information * landmark.mean;
-                if landmark.anchor().is_some() {
-                    // Hundreds of landmarks that share a guess of the depth would set the scale.
-                    let known = start.map.get(m.id).is_some();
-                    let (guess, weight) = if known {
-                        (depth.mean, 1.0 / (depth.sigma * depth.sigma))
-                    } else {
-                        (landmark.mean.z, 1.0 / landmark.covariance[(2, 2)])
+            let track = match tracks.entry(m.id) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(vacant) => {
+                    let Some(mut track) = Track::new(start.map.get(m.id), m.prototype, depth)
+                    else {
+                        continue;
                     };
-                    let weight = weight.min(prior_information[(2, 2)]);
-                    prior_information[(2, 2)] -= weight * (1.0 - LEFT_OF_DEPTH);
-                    prior_vector.z -= weight * (1.0 - LEFT_OF_DEPTH) * guess;
+                    if let Some(landmark) = end.map.get(m.id) {
+                        track.mean = landmark.mean;
+                    }
+                    vacant.insert(track)
                 }
-                tracks.insert(
-                    m.id,
-                    Track {
-                        anchor: landmark.anchor(),
-                        prior_information,
-                        prior_vector,
-                        mean: end.map.get(m.id).map_or(landmark.mean, |l| l.mean),
-                        sightings: Vec::new(),
-                    },
-                );
-            }
-            if let Some(track) = tracks.get_mut(&m.id) {
-                track.sightings.push(TrackSighting {
-                    step: k,
-                    pixel: m.pixel,
-                    variance_px2: m.variance_px2,
-                });
-            }
+            };
+            track.sightings.push(TrackSighting {
+                step: k,
+                pixel: m.pixel,
+                variance_px2: m.variance_px2,
+            });
         }
     }
     tracks.into_values().collect()
+}
+
+impl Track {
+    /// The landmark as the map at the beginning has it, or as its first sighting left it, without the prior of its depth;
+    /// `None` when it is neither or its covariance is singular.
+    fn new(
+        known: Option<&Landmark>,
+        prototype: Option<Landmark>,
+        depth: InverseDepthPrior,
+    ) -> Option<Self> {
+        let landmark = known.copied().or(prototype)?;
+        let mut prior_information = landmark.covariance.cholesky()?.inverse();
+        let mut prior_vector = prior_information * landmark.mean;
+        if landmark.anchor().is_some() {
+            // Hundreds of landmarks that share a guess of the depth would set the scale.
+            let (guess, weight) = if known.is_some() {
+                (depth.mean, 1.0 / (depth.sigma * depth.sigma))
+            } else {
+                (landmark.mean.z, 1.0 / landmark.covariance[(2, 2)])
+            };
+            let taken = weight.min(prior_information[(2, 2)]) * (1.0 - LEFT_OF_DEPTH);
+            prior_information[(2, 2)] -= taken;
+            prior_vector.z -= taken * guess;
+        }
+        Some(Self {
+            anchor: landmark.anchor(),
+            prior_information,
+            prior_vector,
+            mean: landmark.mean,
+            sightings: Vec::new(),
+        })
+    }
 }
