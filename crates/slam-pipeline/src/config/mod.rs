@@ -12,9 +12,8 @@ mod valid;
 
 pub use error::ConfigError;
 pub use fields::{FIELDS, Field, Range};
-pub use robot::Robot;
 pub use sections::{
     AssociationSection, CarrierSection, Config, FeaturesSection, FilterSection, KeyframesSection,
-    MappingSection, Method, OdometrySection, RobotSection,
+    MappingSection, Method, OdometrySection, Robot, RobotSection,
 };
 pub use valid::ValidConfig;

@@ -4,34 +4,7 @@
 //! the robot, and so do the noise per square root of a metre and the distance of the body origin from the point that does
 //! not slip. A preset sets these; every key may still be set by itself.
 
-use serde::{Deserialize, Serialize};
-
-use super::sections::Config;
-
-/// The kind of robot that carries the camera.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Robot {
-    /// A decimetre or two, such as a model car.
-    TableTop,
-    /// Some decimetres, driven indoors on two wheels whose axle is the body origin: the default.
-    #[default]
-    Room,
-    /// Metres, steered, with the body origin somewhere between the axles.
-    Car,
-}
-
-impl Robot {
-    /// Name as written in the configuration.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TableTop => "table-top",
-            Self::Room => "room",
-            Self::Car => "car",
-        }
-    }
-}
+use super::sections::{Config, Robot};
 
 impl Config {
     /// The defaults for a kind of robot.

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::robot::Robot;
-
 /// Which filter runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -154,6 +152,31 @@ pub struct KeyframesSection {
     pub min_overlap: f64,
     /// Seconds between filter steps, at most.
     pub max_gap_s: f64,
+}
+
+/// The kind of robot that carries the camera.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Robot {
+    /// A decimetre or two, such as a model car.
+    TableTop,
+    /// Some decimetres, driven indoors on two wheels whose axle is the body origin: the default.
+    #[default]
+    Room,
+    /// Metres, steered, with the body origin somewhere between the axles.
+    Car,
+}
+
+impl Robot {
+    /// Name as written in the configuration.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TableTop => "table-top",
+            Self::Room => "room",
+            Self::Car => "car",
+        }
+    }
 }
 
 /// `[robot]`

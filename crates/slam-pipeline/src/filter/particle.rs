@@ -11,7 +11,6 @@ use super::landmark::{Landmark, PointEstimate};
 use super::metric::MetricState;
 use super::motion::{Departure, MotionPrior};
 use super::pose::{CameraPose, PoseMatrix};
-use super::segment::Segment;
 
 /// A keyframe of a particle's path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +23,15 @@ pub(crate) struct Keyframe {
     pub(crate) body: Se2,
     /// Metres per unit when the keyframe was made.
     pub(crate) scale: f64,
+}
+
+/// The earlier states of a particle, from which its recent path may be driven again.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Segment {
+    /// The state at the beginning of the window.
+    pub(crate) older: Option<Arc<Particle>>,
+    /// The state at its middle.
+    pub(crate) newer: Option<Arc<Particle>>,
 }
 
 /// One particle. Cloning shares path and map.
@@ -66,6 +74,16 @@ impl Particle {
             prior: None,
             segment: Segment::default(),
         }
+    }
+
+    /// The particle as it is, without earlier states of its own.
+    #[must_use]
+    pub(crate) fn snapshot(&self) -> Arc<Self> {
+        Arc::new(Self {
+            segment: Segment::default(),
+            prior: None,
+            ..self.clone()
+        })
     }
 
     /// Where the motion since the last filter step starts.

@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use rbpf_core::{Purpose, Streams};
 
 use super::local_batch::{SegmentGaussian, segment_gaussian};
-use super::particle::Particle;
-use super::segment::{Segment, SegmentDriver, WindowStep};
+use super::particle::{Particle, Segment};
+use super::segment::{SegmentDriver, WindowStep};
 
 /// The new draw of one keyframe.
 #[derive(Debug, Clone, Copy)]

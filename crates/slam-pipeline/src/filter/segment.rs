@@ -16,27 +16,6 @@ use super::particle::{Drawn, Particle};
 use super::pose::{CameraPose, PoseMatrix};
 use crate::rig::Rig;
 
-/// The earlier states of a particle.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Segment {
-    /// The state at the beginning of the window.
-    pub(crate) older: Option<Arc<Particle>>,
-    /// The state at its middle.
-    pub(crate) newer: Option<Arc<Particle>>,
-}
-
-impl Segment {
-    /// `particle` as it is, without earlier states of its own.
-    #[must_use]
-    pub(crate) fn snapshot(particle: &Particle) -> Arc<Particle> {
-        Arc::new(Particle {
-            segment: Self::default(),
-            prior: None,
-            ..particle.clone()
-        })
-    }
-}
-
 /// A keyframe of the window.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct WindowStep {
@@ -93,7 +72,7 @@ impl SegmentDriver<'_> {
         for (k, (step, pose)) in steps.iter().zip(poses).enumerate() {
             self.step(&mut particle, step, |_, _| *pose);
             if k + 1 == middle {
-                kept = Some(Segment::snapshot(&particle));
+                kept = Some(particle.snapshot());
             }
         }
         (particle, kept)

@@ -14,11 +14,13 @@ mod feature_budget;
 mod keyframe;
 mod keyframe_policy;
 mod plan;
+mod redraw;
 mod report;
 mod results;
 mod scoring_budget;
 #[cfg(test)]
 mod tests;
+mod turned;
 mod window;
 
 use mono_geometry::Se2;
@@ -44,11 +46,11 @@ use crate::frontend::gate::Gate;
 use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
-use estimate::Turned;
 use keyframe_policy::KeyframePolicy;
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
 };
+use turned::Turned;
 use window::Window;
 
 /// Why a frame could not be processed.

@@ -11,7 +11,7 @@ use crate::filter::observation::{FrameObservation, MatchedFeature, Scoring};
 use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, POSE_DIM, PoseStep};
 use crate::filter::redraw::PathRedraw;
-use crate::filter::segment::{Segment, SegmentDriver, WindowStep};
+use crate::filter::segment::{SegmentDriver, WindowStep};
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 use estimation_base::Manifold;
@@ -298,7 +298,7 @@ fn val_the_local_batch_is_the_dense_solution() {
 fn new_draws_have_the_posterior_of_the_whole_window() {
     let drive = drive(50);
     let mapping = mapping(&drive.rig);
-    let origin = Segment::snapshot(&drive.start);
+    let origin = drive.start.snapshot();
     let count = 3000;
     let mut particles: Vec<Particle> = (0..count)
         .map(|_| {
@@ -347,10 +347,7 @@ fn new_draws_have_the_posterior_of_the_whole_window() {
 fn a_family_shares_the_mean_of_its_weights() {
     let drive = drive(51);
     let mapping = mapping(&drive.rig);
-    let (one, other) = (
-        Segment::snapshot(&drive.start),
-        Segment::snapshot(&drive.start),
-    );
+    let (one, other) = (drive.start.snapshot(), drive.start.snapshot());
     let mut particles: Vec<Particle> = [Some(&one), Some(&one), Some(&other), None]
         .into_iter()
         .map(|origin| {
