@@ -35,7 +35,9 @@
 //!         Track { landmark, sightings: truth.iter().enumerate().map(seen).collect() }
 //!     })
 //!     .collect();
-//! let model = Model::of(&Config::default().check()?);
+//! let mut config = Config::default();
+//! config.odometry.forward_per_sqrt_m = 0.03;
+//! let model = Model::of(&config.check()?);
 //! let solution = solve(&Problem { rig, keyframes, tracks, model })?;
 //! assert!(solution.converged);
 //! // The wheels tell the length of the way, the images its middle.
