@@ -217,7 +217,7 @@ pub const FIELDS: &[Field] = &[
         key: "preset",
         unit: "",
         range: Range::OneOf(&["\"table-top\"", "\"room\"", "\"car\""]),
-        reason: "kind of robot; it sets the defaults of noise, turning centre and keyframes (shown for room)",
+        reason: "kind of robot; it sets noise, turning centre and keyframes where no key states them, so delete those keys",
         value: |c| Value::Name(c.robot.preset.name()),
     },
     field(
