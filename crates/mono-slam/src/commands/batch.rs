@@ -1,18 +1,18 @@
 //! `mono-slam batch`: the whole drive of a finished run at once, over its associations.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use mono_geometry::Se2;
 use mono_slam::recorded::RecordedRun;
 use mono_slam::smooth::learned_value;
 use serde_json::json;
 use slam_batch::{Constant, Model, Solution, solve};
-use slam_io::{LearnedValue, configuration, covariance_csv, tum_text, write_files};
+use slam_io::{LearnedValue, covariance_csv, tum_text, write_files};
 use slam_pipeline::PoseEstimate;
-use slam_pipeline::config::ValidConfig;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
+use super::configuration::read_configuration;
 use super::threshold::{check_ate, metres};
 use crate::failure::{Failure, print};
 
@@ -64,7 +64,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let config = match &arguments.config {
         None => run.config.clone(),
-        Some(path) => configured(path)?,
+        Some(path) => read_configuration(path)?
+            .check()
+            .map_err(|e| Failure::input(e.to_string()))?,
     };
     let mut model = Model::of(&config);
     for (constant, sigma) in &arguments.prior {
@@ -93,19 +95,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some((_, rmse_m)) => check_ate(*rmse_m, arguments.max_ate),
         None => Ok(()),
     }
-}
-
-fn configured(path: &Path) -> Result<ValidConfig, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|e| {
-        Failure::input(format!(
-            "{}: expected a configuration file, {e}",
-            path.display()
-        ))
-    })?;
-    configuration::from_toml(&text)
-        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
-        .check()
-        .map_err(|e| Failure::input(e.to_string()))
 }
 
 /// RMSE of each path against the reference, without alignment, the batch last; empty without a reference.

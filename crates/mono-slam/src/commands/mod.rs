@@ -4,6 +4,7 @@ pub(crate) mod batch;
 pub(crate) mod calibrate;
 pub(crate) mod camera;
 pub(crate) mod config;
+mod configuration;
 pub(crate) mod eval;
 pub(crate) mod features;
 pub(crate) mod match_images;

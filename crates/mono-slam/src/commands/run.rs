@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
-use slam_io::{CameraFile, RunRecord, Sequence, configuration, write_run};
+use slam_io::{CameraFile, RunRecord, Sequence, write_run};
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
+use super::configuration::read_configuration;
 use super::threshold::{check_ate, metres};
 use crate::failure::Failure;
 
@@ -114,16 +115,7 @@ fn settings(arguments: &Arguments) -> Result<Config, Failure> {
             None | Some(RobotName::Room) => Robot::Room,
             Some(RobotName::Car) => Robot::Car,
         }),
-        Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(|e| {
-                Failure::input(format!(
-                    "{}: expected a configuration file, {e}",
-                    path.display()
-                ))
-            })?;
-            configuration::from_toml(&text)
-                .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?
-        }
+        Some(path) => read_configuration(path)?,
     };
     if let Some(method) = arguments.method {
         config.filter.method = match method {
