@@ -142,6 +142,7 @@ fn run_in_pool(
     let smoothed = sequence.times_s.iter().copied().zip(path).collect();
     Ok(RunRecord {
         sequence: sequence.name.clone(),
+        warnings: sequence.warnings.clone(),
         frames,
         smoothed,
         smoother: Some(smoother),

@@ -11,6 +11,7 @@ use slam_pipeline::MapLandmark;
 fn run(landmarks: u32) -> RunRecord {
     RunRecord {
         sequence: "bench".into(),
+        warnings: Vec::new(),
         frames: Vec::new(),
         smoothed: Vec::new(),
         smoother: None,

@@ -43,6 +43,7 @@ mod record;
 mod sequence;
 mod text;
 mod tum;
+mod warning;
 
 pub use calibration::camera_toml;
 pub use camera::{
@@ -60,6 +61,7 @@ pub use record::{
 };
 pub use sequence::{OdometryRow, Sequence, read_run_inputs};
 pub use tum::read_tum;
+pub use warning::Warning;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use slam_pipeline::{FrameReport, KeypointFate, MapLandmark};
 
 use crate::disk;
+use crate::warning::Warning;
 
 /// Wall time of one frame, stage by stage, in milliseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -121,6 +122,8 @@ pub struct SmootherRecord {
 pub struct RunRecord {
     /// Name of the sequence (last part of its path).
     pub sequence: String,
+    /// Remarks on inputs that do not fit together: to be read before the result is believed.
+    pub warnings: Vec<Warning>,
     /// One entry a frame, in order.
     pub frames: Vec<FrameRecord>,
     /// Path that looks back over the whole run: (time in seconds, body pose).

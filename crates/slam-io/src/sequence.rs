@@ -26,6 +26,7 @@ use mono_geometry::Se2;
 use crate::camera::{CameraFile, read_camera};
 use crate::error::SequenceError;
 use crate::images::{self, GreyImage};
+use crate::warning::Warning;
 
 pub use odometry::OdometryRow;
 
@@ -51,6 +52,8 @@ pub struct Sequence {
     /// Reference path of the body, (time in seconds, pose), relative to the body
     /// pose of the first frame; `None` when the folder has none.
     pub reference: Option<Vec<(f64, Se2)>>,
+    /// Remarks on the files, in the order in which they were read.
+    pub warnings: Vec<Warning>,
 }
 
 impl Sequence {
@@ -88,6 +91,7 @@ impl Sequence {
             camera,
             odometry,
             reference,
+            warnings: Vec::new(),
         })
     }
 

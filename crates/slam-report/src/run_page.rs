@@ -28,6 +28,7 @@ pub fn render_run_html(run: &RunRecord) -> String {
         env!("CARGO_PKG_VERSION"),
         figures::lead(run, &figures)
     );
+    page.push_str(&warnings(run));
     page.push_str(&figures::cards(run, &figures));
     if run.frames.is_empty() {
         page.push_str("<p class=\"empty\">The run has no frames.</p>\n");
@@ -40,4 +41,24 @@ pub fn render_run_html(run: &RunRecord) -> String {
     page.push_str(&figures::tables(run, &figures));
     page.push_str("</main>\n</body>\n</html>\n");
     page
+}
+
+/// The banner that names every warning; nothing when there is none.
+fn warnings(run: &RunRecord) -> String {
+    if run.warnings.is_empty() {
+        return String::new();
+    }
+    let mut list = String::from(
+        "<section class=\"warnings\" role=\"alert\">\n<h2>Before you believe this run</h2>\n<ul>\n",
+    );
+    for warning in &run.warnings {
+        let _ = writeln!(
+            list,
+            "<li>{} <code>{}</code></li>",
+            escape(&warning.message),
+            escape(&warning.name)
+        );
+    }
+    list.push_str("</ul>\n</section>\n");
+    list
 }

@@ -98,6 +98,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut beside = sequence.input_files()?;
     beside.push(("report.html", page));
     write_run(&record, &arguments.out, &beside)?;
+    // Told even when quiet: a run whose inputs do not fit must not end without a word.
+    for warning in &record.warnings {
+        tell(&format!("mono-slam: warning: {warning}"));
+    }
     let ate = ate_m(&record)?;
     if !arguments.quiet {
         tell(&summary(&record, ate, &arguments.out.display().to_string()));

@@ -199,6 +199,7 @@ fn report_draws_the_page_again() {
     let scratch = Scratch::new();
     let run = RunRecord {
         sequence: "corridor".into(),
+        warnings: Vec::new(),
         frames: Vec::new(),
         smoothed: Vec::new(),
         smoother: None,

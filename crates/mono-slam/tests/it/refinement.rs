@@ -48,6 +48,7 @@ fn recorded(seed: u64) -> RecordedRun {
     RecordedRun {
         record: RunRecord {
             sequence: "drive".into(),
+            warnings: Vec::new(),
             frames: Vec::new(),
             smoothed: problem
                 .keyframes

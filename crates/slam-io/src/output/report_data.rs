@@ -17,6 +17,7 @@ use crate::disk::Pose;
 use crate::record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, SmootherRecord, TrackRow,
 };
+use crate::warning::Warning;
 
 /// Version written, and the only one read.
 const FORMAT_VERSION: u32 = 1;
@@ -31,6 +32,9 @@ struct ReportData<'a> {
     seed: u64,
     wall_s: f64,
     configuration: Cow<'a, str>,
+    /// Absent in files of earlier versions.
+    #[serde(default)]
+    warnings: Cow<'a, [Warning]>,
     frames: Cow<'a, [FrameRecord]>,
     smoothed: Vec<(f64, Pose)>,
     /// Absent in files of earlier versions.
@@ -73,6 +77,7 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         seed: run.seed,
         wall_s: run.wall_s,
         configuration: Cow::Borrowed(&run.configuration),
+        warnings: Cow::Borrowed(&run.warnings),
         frames: Cow::Borrowed(&run.frames),
         smoothed: to_disk(&run.smoothed),
         smoother: run.smoother.as_ref().map(Cow::Borrowed),
@@ -107,6 +112,7 @@ pub(super) fn read(
         .collect::<Result<Vec<_>, _>>()?;
     Ok(RunRecord {
         sequence: data.sequence.into_owned(),
+        warnings: data.warnings.into_owned(),
         frames: data.frames.into_owned(),
         smoothed: from_disk(data.smoothed),
         smoother: data.smoother.map(Cow::into_owned),

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::error::OutputError;
 use crate::figures::{RunFigures, run_figures};
 use crate::record::{RunRecord, SmootherRecord};
+use crate::warning::Warning;
 
 /// The bytes of the file.
 pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
@@ -15,6 +16,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         method: &'a str,
         particles: usize,
         seed: u64,
+        warnings: &'a [Warning],
         figures: RunFigures,
         smoother: Option<&'a SmootherRecord>,
         configuration: &'a str,
@@ -25,6 +27,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         method: &run.method,
         particles: run.particles,
         seed: run.seed,
+        warnings: &run.warnings,
         figures: run_figures(run),
         smoother: run.smoother.as_ref(),
         configuration: &run.configuration,

@@ -246,3 +246,16 @@ fn a_run_that_was_read_back_gives_the_same_page() {
     drop(std::fs::remove_dir_all(&folder));
     assert_eq!(render_run_html(&back), render_run_html(&run));
 }
+
+#[test]
+fn warnings_stand_above_the_figures_and_are_escaped() {
+    let page = render_run_html(&small_run());
+    let banner = page
+        .find("The odometry ends 2 s &lt;before&gt; the images.")
+        .unwrap();
+    assert!(banner < page.find("class=\"cards\"").unwrap());
+    assert!(page.contains("<code>odometry-ends-early</code>"));
+    let mut run = small_run();
+    run.warnings.clear();
+    assert!(!render_run_html(&run).contains("class=\"warnings\""));
+}

@@ -89,6 +89,10 @@ pub(crate) fn small_run() -> RunRecord {
         .collect();
     RunRecord {
         sequence: "small <run> & \"test\"".into(),
+        warnings: vec![slam_io::Warning::new(
+            "odometry-ends-early",
+            "The odometry ends 2 s <before> the images.",
+        )],
         frames,
         smoothed: (0..FRAMES)
             .map(|index| (0.1 * index as f64, truth(index)))
