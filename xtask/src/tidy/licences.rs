@@ -8,7 +8,7 @@ use serde_json::Value;
 use spdx::{Expression, LicenseItem, ParseMode};
 
 /// Licences that may be combined with MIT or Apache-2.0.
-const ALLOWED: [&str; 10] = [
+const ALLOWED: [&str; 11] = [
     "MIT",
     "Apache-2.0",
     "BSD-2-Clause",
@@ -19,6 +19,7 @@ const ALLOWED: [&str; 10] = [
     "Unicode-3.0",
     "BSL-1.0",
     "Unlicense",
+    "bzip2-1.0.6",
 ];
 /// Packages that pass all the same: name, reason, and when to remove the line.
 const EXCEPTIONS: [(&str, &str); 0] = [];

@@ -17,6 +17,7 @@ const FLOORS: [&[&str]; 9] = [
         "ukf",
         "es-evolve",
         "trajectory-eval",
+        "robot-logs",
     ],
     &["rbpf-core", "camera-calibration", "wall-scenes"],
     &["range-bearing-slam", "slam-pipeline"],
