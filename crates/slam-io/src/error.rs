@@ -36,6 +36,14 @@ pub enum SequenceError {
         /// The contents found.
         found: String,
     },
+    /// A file or folder that a sequence needs is not there.
+    #[error("{}: not found; it holds {holds}", path.display())]
+    Missing {
+        /// The file or folder.
+        path: PathBuf,
+        /// Its contents, and the command that would write it.
+        holds: String,
+    },
     /// A frame was asked for that the sequence does not have.
     #[error("frame {index} was asked for, the sequence has {frames} frames")]
     NoSuchFrame {

@@ -51,7 +51,7 @@ pub use camera::{
 };
 pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
-pub use images::{GreyImage, image_files, read_grey};
+pub use images::{GreyImage, Images, image_files, read_grey};
 pub use output::{
     OutputError, covariance_csv, read_map, read_run, tum_text, write_file, write_files, write_run,
 };
@@ -59,7 +59,10 @@ pub use record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
     TrackRow,
 };
-pub use sequence::{OdometryRow, Sequence, read_run_inputs};
+pub use sequence::{
+    Odometry, OdometryRow, OdometrySource, OpenOptions, Part, Sequence, SequenceFormat, Survey,
+    read_run_inputs,
+};
 pub use tum::read_tum;
 pub use warning::Warning;
 

@@ -1,129 +1,181 @@
-//! Sequence folders: images, times, camera, odometry and, where there is one, a reference path.
+//! Sequences: images, times, camera, odometry and, where there is one, a reference path.
+//!
+//! The native layout, which everything else is brought to:
 //!
 //! ```text
-//! SEQ/images/NNNNNN.png|jpg   8-bit grey or colour, taken in lexical order
-//! SEQ/times.txt               one time stamp per image, seconds
+//! SEQ/images/NNNNNN.png       any image format, in the counting order of the names
+//! SEQ/times.txt               one time stamp per image, seconds; or lines of a stamp and a name
 //! SEQ/camera.toml             intrinsics, distortion, mount        (see [`CameraFile`])
 //! SEQ/odometry.csv            header t_s,v_mps,omega_radps         (see [`OdometryRow`])
 //! SEQ/groundtruth_planar.csv  optional: frame,t_s,x_m,y_m,phi_rad of the body
 //! SEQ/groundtruth.txt         optional: TUM format, camera-to-world
 //! ```
 //!
-//! [`Sequence::open`] reads and checks everything except the pixels, so that a run
-//! with a bad input ends before it has written anything. Image files are opened for
-//! their headers only; [`Sequence::load_image`] decodes one when it is asked for.
-//! Where both reference files exist the planar one is used: it already speaks of
-//! the body.
+//! [`Sequence::open`] finds the layout by looking, and reads and checks everything except the pixels, so that a run
+//! with a bad input ends before it has written anything. Of the images the headers are read, the last bytes (was the
+//! file cut?), and a few whole ones for the grey levels in use; [`Sequence::load_image`] decodes one when it is asked
+//! for. [`Survey::of`] does the same without stopping at the first fault.
+//!
+//! Where both reference files exist the planar one is used: it already speaks of the body.
 
+mod frames;
+mod look;
+mod native;
 mod odometry;
+mod options;
 mod reference;
+mod rows;
+mod stamps;
+mod survey;
 mod times;
 
 use std::path::{Path, PathBuf};
 
 use mono_geometry::Se2;
 
-use crate::camera::{CameraFile, read_camera};
+use crate::camera::{CameraFile, CameraFormat, calibration_text, read_camera};
 use crate::error::SequenceError;
-use crate::images::{self, GreyImage};
+use crate::images::{GreyImage, Images};
 use crate::warning::Warning;
+use native::CAMERA;
+use odometry::ODOMETRY;
 
-pub use odometry::OdometryRow;
+pub use options::{OpenOptions, SequenceFormat};
+pub use rows::{Odometry, OdometryRow, OdometrySource};
+pub use survey::{Part, Survey};
 
-/// Names of the text files that a run keeps.
-const CAMERA: &str = "camera.toml";
-const ODOMETRY: &str = "odometry.csv";
-
-/// A checked sequence folder; pixels are read on demand.
-#[derive(Debug, Clone, PartialEq)]
+/// A checked sequence; pixels are read on demand.
+#[derive(Debug, Clone)]
 pub struct Sequence {
     /// Last part of the folder's path.
     pub name: String,
     /// The folder.
     pub root: PathBuf,
-    /// Image files in lexical order.
-    pub images: Vec<PathBuf>,
+    /// Its layout.
+    pub format: SequenceFormat,
+    /// The images, in order.
+    pub images: Images,
     /// One time stamp per image in seconds, strictly increasing.
     pub times_s: Vec<f64>,
-    /// Contents of `camera.toml`.
+    /// The calibration.
     pub camera: CameraFile,
-    /// Rows of `odometry.csv`, times strictly increasing.
+    /// Rows of the odometry, times strictly increasing.
     pub odometry: Vec<OdometryRow>,
+    /// Where the odometry came from.
+    pub odometry_source: OdometrySource,
     /// Reference path of the body, (time in seconds, pose), relative to the body
-    /// pose of the first frame; `None` when the folder has none.
+    /// pose of the first frame; `None` when the sequence has none.
     pub reference: Option<Vec<(f64, Se2)>>,
-    /// Remarks on the files, in the order in which they were read.
+    /// Remarks of the reading that do not hinder a run.
     pub warnings: Vec<Warning>,
+    /// Name of the calibration's file, for messages.
+    camera_name: String,
+    /// Files that hold exactly the calibration and the odometry above, if there are any.
+    camera_file: Option<PathBuf>,
+    odometry_file: Option<PathBuf>,
+}
+
+impl Survey {
+    /// Looks at everything that a sequence needs.
+    ///
+    /// # Errors
+    /// [`SequenceError`] when there is no sequence at `path` at all; a fault of one piece is in that piece.
+    pub fn of(path: &Path, options: &OpenOptions) -> Result<Survey, SequenceError> {
+        let format = match options.format {
+            Some(format) if path.is_dir() => format,
+            _ => look::format_of(path)?,
+        };
+        let mut survey = match format {
+            SequenceFormat::Native | SequenceFormat::Images => {
+                native::survey(path, format, options)
+            }
+        };
+        survey.name = folder_name(path);
+        if let (Ok(images), Ok(camera)) = (&survey.images, &survey.camera) {
+            survey.sizes = images.check_sizes(camera, &survey.camera_name);
+        }
+        Ok(survey)
+    }
 }
 
 impl Sequence {
-    /// Reads and checks the folder `path`.
+    /// Reads and checks the sequence at `path`, whose layout is found by looking.
     ///
-    /// Cost: every text file once and the header of every image; no pixel is decoded.
+    /// Cost: every text file once, both ends of every image file, the pixels of a few images.
     ///
     /// # Errors
     /// [`SequenceError`] with the file, the line where there is one, what was
     /// expected and what was found: a missing or unreadable file, no image, an image
-    /// that cannot be decoded or has another size than `camera.toml` says, a count of times
+    /// that is broken or has another size than the calibration says, a count of times
     /// other than the count of images, numbers that are not finite, times that do
     /// not increase, an unknown key, a matrix that is not a rotation, a speed that no
     /// wheeled robot has, odometry that starts after the first frame.
     pub fn open(path: &Path) -> Result<Sequence, SequenceError> {
-        if !path.is_dir() {
-            return Err(SequenceError::File {
-                path: path.to_path_buf(),
-                expected: "a sequence folder".into(),
-                found: if path.exists() { "a file" } else { "nothing" }.into(),
-            });
-        }
-        let images = images::list_images(&path.join("images"))?;
-        let times_s = times::read_times(&path.join("times.txt"), images.len())?;
-        let camera = read_camera(&path.join(CAMERA))?;
-        images::check_sizes(&images, &camera)?;
-        let first_s = times_s[0];
-        let odometry = odometry::read_odometry(&path.join(ODOMETRY), first_s)?;
-        let reference = reference::read_reference(path, &camera.mount, first_s)?;
+        Self::open_with(path, &OpenOptions::default())
+    }
+
+    /// As [`Self::open`], with the layout, the calibration and so on as the options say.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(path: &Path, options: &OpenOptions) -> Result<Sequence, SequenceError> {
+        let survey = Survey::of(path, options)?;
+        let (images, times_s, camera) = (survey.images?, survey.times_s?, survey.camera?);
+        survey.sizes?;
+        let odometry = survey.odometry?;
         Ok(Sequence {
-            name: folder_name(path),
-            root: path.to_path_buf(),
+            name: survey.name,
+            root: survey.root,
+            format: survey.format,
             images,
             times_s,
             camera,
-            odometry,
-            reference,
-            warnings: Vec::new(),
+            odometry: odometry.rows,
+            odometry_source: odometry.source,
+            reference: survey.reference?,
+            warnings: survey.warnings,
+            camera_name: survey.camera_name,
+            camera_file: survey.camera_file,
+            odometry_file: odometry.file,
         })
     }
 
-    /// The text files of the sequence that a batch over a finished run needs, (name, contents), to be written beside its
+    /// Camera and odometry as a batch over a finished run needs them, (name, contents), to be written beside its
     /// results; [`read_run_inputs`] reads them back.
+    ///
+    /// Files of the native layout are taken byte for byte, everything else is written in its form.
     ///
     /// # Errors
     /// [`SequenceError`] when they cannot be read again.
     pub fn input_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, SequenceError> {
-        [CAMERA, ODOMETRY]
-            .into_iter()
-            .map(|name| {
-                let path = self.root.join(name);
-                match std::fs::read(&path) {
-                    Ok(bytes) => Ok((name, bytes)),
-                    Err(source) => Err(SequenceError::Read { path, source }),
-                }
+        let bytes = |path: &Path| {
+            std::fs::read(path).map_err(|source| SequenceError::Read {
+                path: path.to_path_buf(),
+                source,
             })
-            .collect()
+        };
+        let camera = match &self.camera_file {
+            Some(path) => bytes(path)?,
+            None => calibration_text(&self.camera, CameraFormat::Toml)?.into_bytes(),
+        };
+        let odometry = match &self.odometry_file {
+            Some(path) => bytes(path)?,
+            None => odometry::odometry_csv(&self.odometry).into_bytes(),
+        };
+        Ok(vec![(CAMERA, camera), (ODOMETRY, odometry)])
     }
 
     /// Decodes image `index` to 8-bit grey; colour becomes luma.
     ///
     /// # Errors
     /// [`SequenceError`] naming the file when it cannot be decoded or has another
-    /// size than `camera.toml` says, and when there is no image `index`.
+    /// size than the calibration says, and when there is no image `index`.
     pub fn load_image(&self, index: usize) -> Result<GreyImage, SequenceError> {
-        let path = self.images.get(index).ok_or(SequenceError::NoSuchFrame {
-            index,
-            frames: self.images.len(),
-        })?;
-        images::load_grey(path, &self.camera)
+        let image = self.images.load(index)?;
+        let (width, height) = (image.width as u32, image.height as u32);
+        self.images
+            .check_size(index, width, height, &self.camera, &self.camera_name)?;
+        Ok(image)
     }
 
     /// Odometry between two times as (duration in s, v in m/s, omega in rad/s), in order.

@@ -69,7 +69,13 @@ pub(crate) fn increasing(
     time_s: f64,
 ) -> Result<(), SequenceError> {
     match before {
-        Some(before) if time_s <= before => Err(line_fault(
+        Some(before) if time_s == before => Err(line_fault(
+            path,
+            line,
+            format!("a time after {before} s"),
+            format!("{time_s} s, equal to the time before"),
+        )),
+        Some(before) if time_s < before => Err(line_fault(
             path,
             line,
             format!("a time after {before} s"),

@@ -2,23 +2,55 @@
 
 use std::path::Path;
 
+use super::rows::{Odometry, OdometryRow, OdometrySource};
 use crate::error::SequenceError;
 use crate::text::{increasing, line_fault, read_table};
+use crate::warning::Warning;
+
+/// File name of the rows.
+pub(super) const ODOMETRY: &str = "odometry.csv";
 
 /// Largest believable forward speed of a wheeled robot, m/s.
 const MAX_SPEED_MPS: f64 = 100.0;
 /// Largest believable turn rate of a wheeled robot, rad/s.
 const MAX_ANGULAR_SPEED_RADPS: f64 = 50.0;
 
-/// One row: it holds from its time to the next row's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OdometryRow {
-    /// Time from which the row holds, seconds.
-    pub t_s: f64,
-    /// Forward speed, m/s.
-    pub v_mps: f64,
-    /// Turn rate about the body's z axis (left positive), rad/s.
-    pub omega_radps: f64,
+/// The odometry of a folder, whichever of its files holds it.
+///
+/// `first_frame_s` is the time of the first image, if it is known.
+pub(super) fn find_odometry(
+    root: &Path,
+    first_frame_s: Option<f64>,
+    _warnings: &mut Vec<Warning>,
+) -> Result<Odometry, SequenceError> {
+    let path = root.join(ODOMETRY);
+    if !path.exists() {
+        return Err(no_odometry(&path));
+    }
+    Ok(Odometry {
+        rows: read_odometry(&path, first_frame_s.unwrap_or(f64::INFINITY))?,
+        source: OdometrySource::File(ODOMETRY.into()),
+        file: Some(path),
+    })
+}
+
+/// The sentence about missing odometry.
+pub(super) fn no_odometry(path: &Path) -> SequenceError {
+    SequenceError::Missing {
+        path: path.to_path_buf(),
+        holds: "the speeds of the robot, one row per measurement under the header t_s,v_mps,omega_radps (seconds, \
+                metres per second forwards, radians per second to the left)"
+            .into(),
+    }
+}
+
+/// The text of the rows in the native form; it reads back to the same bits.
+pub(super) fn odometry_csv(rows: &[OdometryRow]) -> String {
+    let mut text = String::from("t_s,v_mps,omega_radps\n");
+    for row in rows {
+        text.push_str(&format!("{},{},{}\n", row.t_s, row.v_mps, row.omega_radps));
+    }
+    text
 }
 
 /// Reads the rows and checks that they begin no later than the first frame at `first_frame_s`.

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
+use super::survey::Part;
 use crate::camera::MountFile;
 use crate::error::SequenceError;
 use crate::text::{increasing, line_fault, read_table};
@@ -22,8 +23,8 @@ const SAME_TIME_S: f64 = 0.01;
 pub(super) fn read_reference(
     root: &Path,
     mount: &MountFile,
-    first_frame_s: f64,
-) -> Result<Option<Vec<(f64, Se2)>>, SequenceError> {
+    first_frame_s: Option<f64>,
+) -> Part<Option<Vec<(f64, Se2)>>> {
     let planar = root.join("groundtruth_planar.csv");
     let tum = root.join("groundtruth.txt");
     let poses = if planar.exists() {
@@ -64,7 +65,8 @@ fn read_planar(path: &Path) -> Result<Vec<(f64, Isometry3<f64>)>, SequenceError>
     Ok(poses)
 }
 
-fn isometry_of(mount: &MountFile) -> Isometry3<f64> {
+/// `body_from_camera`.
+pub(super) fn isometry_of(mount: &MountFile) -> Isometry3<f64> {
     let rows = mount.rotation_body_from_camera;
     let rotation =
         Rotation3::from_matrix_unchecked(Matrix3::from_fn(|row, column| rows[row][column]));
@@ -76,24 +78,38 @@ fn isometry_of(mount: &MountFile) -> Isometry3<f64> {
 }
 
 /// Poses relative to the one at the first frame's time (or to the first of all), flattened.
-fn relative_to_first(poses: &[(f64, Isometry3<f64>)], first_frame_s: f64) -> Vec<(f64, Se2)> {
-    let origin = poses
-        .iter()
-        .min_by(|a, b| {
-            (a.0 - first_frame_s)
-                .abs()
-                .total_cmp(&(b.0 - first_frame_s).abs())
-        })
-        .filter(|pose| (pose.0 - first_frame_s).abs() <= SAME_TIME_S)
-        .or(poses.first());
-    let Some(&(_, world_from_first)) = origin else {
+pub(super) fn relative_to_first(
+    poses: &[(f64, Isometry3<f64>)],
+    first_frame_s: Option<f64>,
+) -> Vec<(f64, Se2)> {
+    let Some(&(earliest_s, earliest)) = poses.first() else {
         return Vec::new();
     };
+    let world_from_first = pose_at(poses, first_frame_s.unwrap_or(earliest_s)).unwrap_or(earliest);
     let first_from_world = world_from_first.inverse();
     poses
         .iter()
         .map(|&(t_s, world_from_body)| (t_s, flattened(&(first_from_world * world_from_body))))
         .collect()
+}
+
+/// The pose at a time: the nearest one where it is near enough, otherwise between its neighbours.
+fn pose_at(poses: &[(f64, Isometry3<f64>)], time_s: f64) -> Option<Isometry3<f64>> {
+    let next = poses.partition_point(|pose| pose.0 < time_s);
+    let neighbours = [next.checked_sub(1), Some(next)]
+        .into_iter()
+        .flatten()
+        .filter_map(|index| poses.get(index));
+    let nearest = neighbours.min_by(|a, b| {
+        let far = |pose: &(f64, Isometry3<f64>)| (pose.0 - time_s).abs();
+        far(a).total_cmp(&far(b))
+    })?;
+    if (nearest.0 - time_s).abs() <= SAME_TIME_S {
+        return Some(nearest.1);
+    }
+    let (before, after) = (poses.get(next.checked_sub(1)?)?, poses.get(next)?);
+    let share = (time_s - before.0) / (after.0 - before.0);
+    before.1.try_lerp_slerp(&after.1, share, f64::EPSILON)
 }
 
 fn flattened(pose: &Isometry3<f64>) -> Se2 {

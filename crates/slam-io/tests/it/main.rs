@@ -9,4 +9,5 @@
 mod calibrations;
 mod common;
 mod output_writing;
+mod sequence_images;
 mod sequence_reading;

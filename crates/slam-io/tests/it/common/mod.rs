@@ -1,6 +1,7 @@
 //! Helpers shared by the tests: a folder that disappears, a small sequence, a small run.
 
 pub(crate) mod run;
+pub(crate) mod sequence;
 
 use std::fs;
 use std::path::{Path, PathBuf};
