@@ -24,11 +24,13 @@
 //! [`slam_io::RunRecord`].
 
 pub mod calibrate;
+pub mod pairs;
 pub mod recorded;
 pub mod refine;
 pub mod run;
 pub mod smooth;
 mod stopwatch;
+pub mod warnings;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

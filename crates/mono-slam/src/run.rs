@@ -1,6 +1,6 @@
 //! A whole sequence through the frame loop.
 
-use mono_geometry::motion::exact_arc;
+use mono_geometry::motion::{OdometrySample, exact_arc};
 use mono_geometry::{Camera, GeometryError, Se2};
 use slam_batch::Recording;
 use slam_io::{
@@ -12,8 +12,10 @@ use slam_pipeline::{FrameInput, KeypointReport, Rig, Slam, SlamError, detector_o
 use thiserror::Error;
 use vision_sift::{Features, GrayImage, SiftError, Workspace};
 
+use crate::pairs::PairCollector;
 use crate::smooth::{odometry_before, smoothed, track_rows};
 use crate::stopwatch::{Clock, Lap, StageClock};
+use crate::warnings;
 
 /// Frames kept for the picture strip.
 const SNAPSHOTS: usize = 8;
@@ -85,6 +87,7 @@ fn run_in_pool(
     let every = count.div_ceil(SNAPSHOTS).max(1);
     let started = clock();
     let mut recording = Recording::default();
+    let mut pairs = PairCollector::new(count);
     let mut frames = Vec::with_capacity(count);
     let mut snapshots = Vec::new();
     let mut wheels = Se2::identity();
@@ -97,6 +100,7 @@ fn run_in_pool(
         let view = GrayImage::new(image.width, image.height, &image.pixels)?;
         detector.detect(&view, &mut workspace, &mut features)?;
         let features_ms = lap.lap_ms();
+        pairs.observe(index, sequence.times_s[index], &features, &camera);
         let odometry = odometry_before(sequence, index);
         for o in &odometry {
             wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
@@ -139,10 +143,19 @@ fn run_in_pool(
         });
     }
     let (path, smoother) = smoothed(&recording, rig, config, slam.smoothed_path());
+    let mut warnings = sequence.warnings.clone();
+    warnings.extend(warnings::of_reference(sequence));
+    warnings.extend(warnings::of_run(
+        &rig,
+        &odometry_samples(sequence),
+        pairs.pairs(),
+        &frames,
+        &path,
+    ));
     let smoothed = sequence.times_s.iter().copied().zip(path).collect();
     Ok(RunRecord {
         sequence: sequence.name.clone(),
-        warnings: sequence.warnings.clone(),
+        warnings,
         frames,
         smoothed,
         smoother: Some(smoother),
@@ -157,6 +170,18 @@ fn run_in_pool(
         method: config.filter.method.name().to_owned(),
         wall_s: clock() - started,
     })
+}
+
+fn odometry_samples(sequence: &Sequence) -> Vec<OdometrySample> {
+    sequence
+        .odometry
+        .iter()
+        .map(|row| OdometrySample {
+            t_s: row.t_s,
+            v_mps: row.v_mps,
+            omega_radps: row.omega_radps,
+        })
+        .collect()
 }
 
 fn drawn(features: &Features, reports: &[KeypointReport], camera: &Camera) -> Vec<DrawnKeypoint> {

@@ -19,7 +19,12 @@ const FLOORS: [&[&str]; 9] = [
         "trajectory-eval",
         "robot-logs",
     ],
-    &["rbpf-core", "camera-calibration", "wall-scenes"],
+    &[
+        "rbpf-core",
+        "camera-calibration",
+        "motion-consistency",
+        "wall-scenes",
+    ],
     &["range-bearing-slam", "slam-pipeline"],
     &["slam-batch", "slam-io"],
     &["slam-report"],

@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
-use slam_io::{CameraFile, RunRecord, Sequence, write_run};
+use mono_slam::warnings;
+use slam_io::{CameraFile, RunRecord, Sequence, Warning, write_run};
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
@@ -89,6 +90,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.sequence.display()
         )));
     }
+    let reference = warnings::of_reference(&sequence);
+    if let (Some(_), Some(warning)) = (arguments.max_ate, &reference)
+        && warning.name == "reference-elsewhere"
+    {
+        return Err(Failure::input(format!("--max-ate: {}", warning.message)));
+    }
+    // What the files tell is told before the run, what the images tell after it; all of it even when quiet: a run whose
+    // inputs do not fit must not end without a word.
+    let before: Vec<&Warning> = sequence.warnings.iter().chain(&reference).collect();
+    for warning in &before {
+        warn(warning);
+    }
     let started = Instant::now();
     let clock = move || started.elapsed().as_secs_f64();
     let reporter = Reporter::new(arguments.quiet, sequence.images.len());
@@ -98,9 +111,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut beside = sequence.input_files()?;
     beside.push(("report.html", page));
     write_run(&record, &arguments.out, &beside)?;
-    // Told even when quiet: a run whose inputs do not fit must not end without a word.
-    for warning in &record.warnings {
-        tell(&format!("mono-slam: warning: {warning}"));
+    for warning in record.warnings.iter().filter(|w| !before.contains(w)) {
+        warn(warning);
     }
     let ate = ate_m(&record)?;
     if !arguments.quiet {
@@ -162,6 +174,13 @@ fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
     let Some(reference) = &record.reference else {
         return Ok(None);
     };
+    if record
+        .warnings
+        .iter()
+        .any(|w| w.name == "reference-elsewhere")
+    {
+        return Ok(None);
+    }
     let estimate: Vec<_> = record
         .frames
         .iter()
@@ -182,6 +201,10 @@ fn summary(record: &RunRecord, ate_m: Option<f64>, out: &str) -> String {
         frames as f64 / record.wall_s.max(1e-9),
         record.landmarks.len(),
     )
+}
+
+fn warn(warning: &Warning) {
+    tell(&format!("mono-slam: warning: {warning}"));
 }
 
 /// One line on standard error; with nobody listening there is nobody to tell.

@@ -1,0 +1,159 @@
+//! The words of a run on its inputs: whatever was seen in them that a user should know before believing the result.
+
+use mono_geometry::Se2;
+use mono_geometry::motion::OdometrySample;
+use motion_consistency::{Finding, FramePair, check_motion, check_path};
+use slam_io::{FrameRecord, Sequence, Warning};
+use slam_pipeline::Rig;
+
+/// A reference pose this near to a frame is that frame's, seconds (as `trajectory-eval` pairs them).
+const SAME_TIME_S: f64 = 0.01;
+/// Keypoints below which a frame shows next to nothing.
+const FEW_KEYPOINTS: usize = 20;
+/// Matches below which a frame says next to nothing about the pose.
+const FEW_MATCHES: usize = 5;
+/// Share of the frames that may lack either without a word.
+const LACKING_SHARE: f64 = 0.25;
+/// Matches that a keyframe needs to hold the path against odometry.
+const PATH_MATCHES: usize = 10;
+
+/// The reference against the frames, to be told before the run.
+#[must_use]
+pub fn of_reference(sequence: &Sequence) -> Option<Warning> {
+    let reference = sequence.reference.as_ref()?;
+    let frames = &sequence.times_s;
+    let (first_s, last_s) = (reference.first()?.0, reference.last()?.0);
+    let covered = frames
+        .iter()
+        .filter(|&&frame_s| {
+            let after = reference.partition_point(|&(t_s, _)| t_s < frame_s);
+            [after.checked_sub(1), Some(after)]
+                .into_iter()
+                .flatten()
+                .filter_map(|i| reference.get(i))
+                .any(|&(t_s, _)| (t_s - frame_s).abs() <= SAME_TIME_S)
+        })
+        .count();
+    let spans = format!(
+        "the images last from {} to {} s, the reference from {first_s} to {last_s} s",
+        frames.first()?,
+        frames.last()?
+    );
+    if covered == 0 {
+        Some(Warning::new(
+            "reference-elsewhere",
+            format!(
+                "No pose of the reference lies within {:.0} ms of a frame, so no error is computed: {spans}{}.",
+                SAME_TIME_S * 1e3,
+                unit_hint(frames, reference)
+            ),
+        ))
+    } else if covered < frames.len() {
+        Some(Warning::new(
+            "reference-in-part",
+            format!(
+                "The error is that of {covered} of {} frames: {spans}.",
+                frames.len()
+            ),
+        ))
+    } else {
+        None
+    }
+}
+
+/// Whether one of two clocks that do not meet seems to count in another unit.
+fn unit_hint(frames: &[f64], reference: &[(f64, Se2)]) -> &'static str {
+    let span = |first: f64, last: f64| (last - first).max(f64::MIN_POSITIVE);
+    let (Some(a), Some(b)) = (
+        frames.first().zip(frames.last()),
+        reference.first().zip(reference.last()),
+    ) else {
+        return "";
+    };
+    let ratio = span(b.0.0, b.1.0) / span(*a.0, *a.1);
+    if ratio > 100.0 {
+        " (the reference seems to count in milliseconds or nanoseconds)"
+    } else if ratio < 0.01 {
+        " (the images seem to be counted in milliseconds or nanoseconds)"
+    } else {
+        ""
+    }
+}
+
+/// The verdict of the images of a finished run on its odometry, its mount and itself.
+///
+/// `path` is the smoothed body path, one pose a frame.
+pub(crate) fn of_run(
+    rig: &Rig,
+    odometry: &[OdometrySample],
+    pairs: &[FramePair],
+    frames: &[FrameRecord],
+    path: &[Se2],
+) -> Vec<Warning> {
+    let mut warnings = nothing_seen(frames);
+    let mut findings = check_motion(pairs, odometry, rig.camera.pinhole(), &rig.mount);
+    if findings.is_empty() {
+        let anchored: Vec<(f64, Se2)> = frames
+            .iter()
+            .zip(path)
+            .filter(|(frame, _)| frame.report.keyframe && frame.report.matches >= PATH_MATCHES)
+            .map(|(frame, pose)| (frame.time_s, *pose))
+            .collect();
+        findings = check_path(&anchored, odometry);
+    }
+    warnings.extend(findings.iter().map(told));
+    warnings
+}
+
+fn told(finding: &Finding) -> Warning {
+    let hint = match finding {
+        Finding::ClockOffset { offset_s, .. } => format!(" Try --odometry-offset {offset_s:.2}."),
+        _ => String::new(),
+    };
+    Warning::new(finding.name(), format!("{finding}{hint}"))
+}
+
+/// Frames that show nothing, or nothing known.
+fn nothing_seen(frames: &[FrameRecord]) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let count = frames.len();
+    let share = |lacking: usize, of: usize| lacking as f64 > LACKING_SHARE * of as f64;
+    let blank = frames
+        .iter()
+        .filter(|f| f.keypoints < FEW_KEYPOINTS)
+        .count();
+    if share(blank, count) {
+        let found = median(frames.iter().map(|f| f.keypoints).collect());
+        warnings.push(Warning::new(
+            "few-keypoints",
+            format!(
+                "{blank} of {count} frames have fewer than {FEW_KEYPOINTS} keypoints (median of all frames: {found}): the images \
+                 are blank, too dark, out of focus, or use few of their grey levels. The path there is that of the odometry."
+            ),
+        ));
+        return warnings;
+    }
+    // The first frame has nothing to be matched with.
+    let later = frames.get(1..).unwrap_or_default();
+    let lost = later
+        .iter()
+        .filter(|f| f.report.matches < FEW_MATCHES)
+        .count();
+    if share(lost, later.len()) && frames.last().is_some() {
+        let found = median(later.iter().map(|f| f.report.matches).collect());
+        warnings.push(Warning::new(
+            "few-matches",
+            format!(
+                "{lost} of {} frames have fewer than {FEW_MATCHES} matches with the map (median of all frames: {found}): what is \
+                 seen does not lie where odometry, mount and calibration say. The path there is that of the odometry.",
+                later.len()
+            ),
+        ));
+    }
+    warnings
+}
+
+fn median(mut counts: Vec<usize>) -> usize {
+    counts.sort_unstable();
+    counts.get(counts.len() / 2).copied().unwrap_or(0)
+}
