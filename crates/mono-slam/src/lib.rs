@@ -24,10 +24,12 @@
 //! [`slam_io::RunRecord`].
 
 pub mod calibrate;
+mod detection;
 pub mod pairs;
 pub mod recorded;
 pub mod refine;
 pub mod run;
+mod run_error;
 pub mod smooth;
 mod stopwatch;
 pub mod warnings;

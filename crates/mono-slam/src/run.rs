@@ -1,18 +1,18 @@
 //! A whole sequence through the frame loop.
 
 use mono_geometry::motion::{OdometrySample, exact_arc};
-use mono_geometry::{Camera, GeometryError, Se2};
+use mono_geometry::{Camera, Se2};
 use slam_batch::Recording;
 use slam_io::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, Sequence, SequenceError, StageTimes,
-    configuration,
+    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, Sequence, StageTimes, configuration,
 };
 use slam_pipeline::config::ValidConfig;
-use slam_pipeline::{FrameInput, KeypointReport, Rig, Slam, SlamError, detector_of};
-use thiserror::Error;
-use vision_sift::{Features, GrayImage, SiftError, Workspace};
+use slam_pipeline::{FrameInput, FrameReport, KeypointReport, Rig, Slam, SlamError, detector_of};
+use vision_sift::Features;
 
+use crate::detection::{Detected, FrameDetector};
 use crate::pairs::PairCollector;
+pub use crate::run_error::RunError;
 use crate::smooth::{odometry_before, smoothed, track_rows};
 use crate::stopwatch::{Clock, Lap, StageClock};
 use crate::warnings;
@@ -29,26 +29,6 @@ pub struct Progress {
     pub frames: usize,
     /// Landmarks in the map.
     pub landmarks: usize,
-}
-
-/// Why a run ended early.
-#[derive(Debug, Error)]
-pub enum RunError {
-    /// The sequence could not be read.
-    #[error(transparent)]
-    Sequence(#[from] SequenceError),
-    /// The camera file describes no camera.
-    #[error("camera.toml: {0}")]
-    Camera(#[from] GeometryError),
-    /// SIFT refused its parameters or an image.
-    #[error(transparent)]
-    Features(#[from] SiftError),
-    /// The filter failed.
-    #[error(transparent)]
-    Slam(#[from] SlamError),
-    /// The threads could not be started.
-    #[error("thread pool: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
 /// Runs `sequence` under `config` and returns everything it found.
@@ -78,9 +58,7 @@ fn run_in_pool(
     progress: &mut (dyn FnMut(Progress) + Send),
 ) -> Result<RunRecord, RunError> {
     let (camera, mount) = sequence.camera.camera_and_mount()?;
-    let detector = detector_of(config)?;
-    let mut workspace = Workspace::new();
-    let mut features = Features::default();
+    let mut detector = FrameDetector::new(sequence, detector_of(config)?, clock);
     let rig = Rig { camera, mount };
     let mut slam = Slam::new(rig, config)?;
     let count = sequence.images.len();
@@ -92,15 +70,15 @@ fn run_in_pool(
     let mut snapshots = Vec::new();
     let mut wheels = Se2::identity();
     let mut dead_reckoning = Vec::with_capacity(count);
-    for index in 0..count {
-        let frame_started = clock();
-        let mut lap = Lap::start(clock);
-        let image = sequence.load_image(index)?;
-        let decode_ms = lap.lap_ms();
-        let view = GrayImage::new(image.width, image.height, &image.pixels)?;
-        detector.detect(&view, &mut workspace, &mut features)?;
-        let features_ms = lap.lap_ms();
-        pairs.observe(index, sequence.times_s[index], &features, &camera);
+    let mut ahead = detector.detect(0);
+    while let Some(detected) = ahead {
+        let Detected {
+            image,
+            features,
+            decode_ms,
+            features_ms,
+        } = detected?;
+        let index = frames.len();
         let odometry = odometry_before(sequence, index);
         for o in &odometry {
             wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
@@ -110,9 +88,15 @@ fn run_in_pool(
             features: &features,
             odometry: &odometry,
         };
-        let mut stages = StageClock::start(clock);
-        let mut report = slam.step(&input, &mut stages)?;
-        let stages = stages.stop();
+        let (stepped, next) = rayon::join(
+            || timed_step(&mut slam, &input, clock),
+            || {
+                pairs.observe(index, sequence.times_s[index], &features, &camera);
+                detector.detect(index + 1)
+            },
+        );
+        ahead = next;
+        let (mut report, stages) = stepped?;
         recording.push(&features, &report, &odometry);
         let keypoints = std::mem::take(&mut report.keypoints);
         if index % every == 0 {
@@ -137,7 +121,7 @@ fn run_in_pool(
             times: StageTimes {
                 decode_ms,
                 features_ms,
-                total_ms: (clock() - frame_started) * 1e3,
+                total_ms: decode_ms + features_ms + stages.total_ms,
                 ..stages
             },
         });
@@ -182,6 +166,22 @@ fn odometry_samples(sequence: &Sequence) -> Vec<OdometrySample> {
             omega_radps: row.omega_radps,
         })
         .collect()
+}
+
+/// A step of the filter with its times; the total is that of the step alone.
+fn timed_step(
+    slam: &mut Slam,
+    input: &FrameInput<'_>,
+    clock: &Clock<'_>,
+) -> Result<(FrameReport, StageTimes), SlamError> {
+    let mut lap = Lap::start(clock);
+    let mut stages = StageClock::start(clock);
+    let report = slam.step(input, &mut stages)?;
+    let times = StageTimes {
+        total_ms: lap.lap_ms(),
+        ..stages.stop()
+    };
+    Ok((report, times))
 }
 
 fn drawn(features: &Features, reports: &[KeypointReport], camera: &Camera) -> Vec<DrawnKeypoint> {

@@ -11,6 +11,8 @@ use crate::disk;
 use crate::warning::Warning;
 
 /// Wall time of one frame, stage by stage, in milliseconds.
+///
+/// Images are decoded and searched for features one frame ahead of the filter, on threads that are free.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// Reading and decoding the image.
@@ -25,7 +27,7 @@ pub struct StageTimes {
     pub evolution_ms: f64,
     /// Landmark updates, new landmarks, removal.
     pub mapping_ms: f64,
-    /// The whole frame.
+    /// Decoding, features and filter step together.
     pub total_ms: f64,
 }
 

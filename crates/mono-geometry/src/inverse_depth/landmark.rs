@@ -20,14 +20,10 @@
 
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 
+use super::pixel::in_front;
+use super::view::LandmarkView;
 use crate::camera::Pinhole;
 use crate::placed_camera::PlacedCamera;
-
-/// Smallest depth of a direction that is visible, as a share of its largest coordinate.
-const HORIZON: f64 = 1e-3;
-
-/// Squared length, (pixels per inverse depth)^2, below which depth moves no pixel: there is no baseline.
-const NO_PARALLAX: f64 = 1e-18;
 
 /// How the three numbers of a landmark are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,10 +65,7 @@ impl Ray {
     fn in_camera(&self, camera: &PlacedCamera) -> Option<Vector3<f64>> {
         let direction = self.base + (self.origin - camera.centre) * self.rate;
         let in_camera = camera.camera_from_world * direction;
-        if in_camera.z <= HORIZON * direction.amax() {
-            return None;
-        }
-        Some(in_camera)
+        in_front(&in_camera).then_some(in_camera)
     }
 }
 
@@ -108,6 +101,31 @@ impl LandmarkGeometry {
         }
     }
 
+    /// The landmarks of this geometry as `camera` sees them. O(1).
+    #[must_use]
+    #[inline]
+    pub fn view(&self, camera: &PlacedCamera) -> LandmarkView {
+        match self {
+            Self::InverseDepth { anchor } => {
+                let camera_from_anchor =
+                    camera.camera_from_world * anchor.camera_from_world.transpose();
+                let baseline = camera.camera_from_world * (anchor.centre - camera.centre);
+                LandmarkView {
+                    offset: camera_from_anchor.column(2).into_owned(),
+                    by_parameters: Matrix3::from_columns(&[
+                        camera_from_anchor.column(0).into_owned(),
+                        camera_from_anchor.column(1).into_owned(),
+                        baseline,
+                    ]),
+                }
+            }
+            Self::Point => LandmarkView {
+                offset: -(camera.camera_from_world * camera.centre),
+                by_parameters: camera.camera_from_world,
+            },
+        }
+    }
+
     /// Derivative of the ideal pixel with respect to the three parameters (2x3, pixels per unit of each); `None` where
     /// [`Ray::project`] has no pixel. O(1).
     #[must_use]
@@ -118,21 +136,7 @@ impl LandmarkGeometry {
         camera: &PlacedCamera,
         parameters: &Vector3<f64>,
     ) -> Option<Matrix2x3<f64>> {
-        let in_camera = self.ray(parameters).in_camera(camera)?;
-        let by_parameters = match self {
-            Self::InverseDepth { anchor } => {
-                let camera_from_anchor =
-                    camera.camera_from_world * anchor.camera_from_world.transpose();
-                let baseline = camera.camera_from_world * (anchor.centre - camera.centre);
-                Matrix3::from_columns(&[
-                    camera_from_anchor.column(0).into_owned(),
-                    camera_from_anchor.column(1).into_owned(),
-                    baseline,
-                ])
-            }
-            Self::Point => camera.camera_from_world,
-        };
-        Some(pixel_by_direction(pinhole, &in_camera) * by_parameters)
+        self.view(camera).jacobian(pinhole, parameters)
     }
 
     /// `parameters` with the inverse depth at which the landmark projects nearest to `pixel` along its epipolar line,
@@ -153,37 +157,8 @@ impl LandmarkGeometry {
         if self.anchor().is_none() {
             return *parameters;
         }
-        let Some(jacobian) = self.parameter_jacobian(pinhole, camera, parameters) else {
-            return *parameters;
-        };
-        let along = jacobian.column(2).into_owned();
-        if along.norm_squared() < NO_PARALLAX {
-            return *parameters;
-        }
-        let ray = self.ray(parameters);
-        let b = camera.camera_from_world * ray.base;
-        let t = camera.camera_from_world * (ray.origin - camera.centre);
-        let weighted = along.component_mul(&Vector2::new(pinhole.fx, pinhole.fy));
-        let s = along.dot(&(pixel - Vector2::new(pinhole.cx, pinhole.cy)));
-        let denominator = weighted.dot(&t.xy()) - s * t.z;
-        let rho = (s * b.z - weighted.dot(&b.xy())) / denominator;
-        if !rho.is_finite() {
-            return *parameters;
-        }
-        let highest = highest.max(0.0);
-        let at = |rho: f64| Vector3::new(parameters.x, parameters.y, rho);
-        let seen = |m: &Vector3<f64>| self.ray(m).project(pinhole, camera);
-        if (0.0..=highest).contains(&rho) && seen(&at(rho)).is_some() {
-            return at(rho);
-        }
-        // Beyond an end of the line the nearest is an end, but not always that of the nearer rho: past the epipole rho
-        // comes round from the other side of infinity.
-        [at(0.0), at(highest)]
-            .into_iter()
-            .filter_map(|m| Some(((seen(&m)? - pixel).norm_squared(), m)))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            // Never behind the camera.
-            .map_or(*parameters, |(_, m)| m)
+        self.view(camera)
+            .refocus(pinhole, parameters, pixel, highest)
     }
 
     /// Point in the world and its covariance (length unit, squared) by first-order propagation; `None` unless the
@@ -230,20 +205,6 @@ pub fn first_sighting(
     (
         Vector3::new(normalized.x, normalized.y, rho),
         Matrix3::from_diagonal(&Vector3::new(x * x, y * y, sigma_rho * sigma_rho)),
-    )
-}
-
-/// Derivative of the ideal pixel with respect to a direction in camera axes (2x3).
-#[inline]
-pub(super) fn pixel_by_direction(pinhole: &Pinhole, in_camera: &Vector3<f64>) -> Matrix2x3<f64> {
-    let inverse = 1.0 / in_camera.z;
-    Matrix2x3::new(
-        pinhole.fx * inverse,
-        0.0,
-        -pinhole.fx * in_camera.x * inverse * inverse,
-        0.0,
-        pinhole.fy * inverse,
-        -pinhole.fy * in_camera.y * inverse * inverse,
     )
 }
 

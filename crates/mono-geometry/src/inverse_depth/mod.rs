@@ -11,7 +11,8 @@
 //! anchor, rho the inverse of the *depth* along its optical axis, 1/m. A view at position c with rotation R_c sees
 //! h = R_c^T (rho (a - c) + R (alpha, beta, 1)^T), a multiple of the point in its axes that stays finite at rho = 0.
 //!
-//! [`LandmarkGeometry`] and [`Ray`] are what a filter needs that keeps the three parameters and their covariance itself;
+//! [`LandmarkGeometry`], [`Ray`] (seen from anywhere) and [`LandmarkView`] (seen from one camera) are what a filter needs
+//! that keeps the three parameters and their covariance itself;
 //! [`InverseDepthPoint`] is the point as a value. [`refine`] finds the three parameters and their covariance from n
 //! views, at any parallax above zero; [`InverseDepthPoint::to_euclidean_if_linear`] turns them into a point once that is
 //! harmless.
@@ -21,10 +22,14 @@
 
 mod convert;
 mod landmark;
+mod pixel;
 mod point;
 mod refine;
+mod view;
 
 pub use convert::{CONVERSION_LINEARITY_INDEX, NotYet};
 pub use landmark::{LandmarkGeometry, Ray, first_sighting};
+pub use pixel::HORIZON;
 pub use point::{InverseDepthPoint, Prediction};
 pub use refine::{Refined, refine};
+pub use view::LandmarkView;

@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix2x3, Matrix2x6, Vector2, Vector3};
 
-use super::landmark::{LandmarkGeometry, Ray, pixel_by_direction};
+use super::landmark::{LandmarkGeometry, Ray};
+use super::pixel::pixel_by_direction;
 use crate::camera::Pinhole;
 use crate::placed_camera::PlacedCamera;
 use crate::so3::hat;

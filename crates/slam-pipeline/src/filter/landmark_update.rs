@@ -8,12 +8,12 @@
 //! next place to linearise. One iteration from (m, P) is the plain UKF.
 //! The printed gain of Eq. 16 multiplies a 3x3 by a 2x2 and is not used.
 
-use mono_geometry::inverse_depth::LandmarkGeometry;
-use mono_geometry::{Pinhole, PlacedCamera};
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use ukf::{SigmaPoints, unscented_transform};
+use mono_geometry::Pinhole;
+use mono_geometry::inverse_depth::LandmarkView;
+use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 
 use super::landmark::Landmark;
+use super::landmark_moments::{AxisPoints, Lower3, pixel_moments};
 
 /// Gate on the normalised innovation squared, which one in 10 000 good measurements exceeds (2 degrees of freedom).
 const GATE: f64 = 18.4;
@@ -36,7 +36,7 @@ pub(crate) struct LandmarkUpdate<'a> {
     /// Ideal pinhole.
     pub(crate) pinhole: &'a Pinhole,
     /// Sigma points over the three parameters.
-    pub(crate) points: SigmaPoints<3>,
+    pub(crate) points: AxisPoints,
 }
 
 impl LandmarkUpdate<'_> {
@@ -44,80 +44,93 @@ impl LandmarkUpdate<'_> {
     #[must_use]
     pub(crate) fn first(
         &self,
-        camera: &PlacedCamera,
-        geometry: &LandmarkGeometry,
+        view: &LandmarkView,
         prototype: &Landmark,
         pixel: &Vector2<f64>,
         variance_px2: f64,
     ) -> Option<Landmark> {
         let mut wide = *prototype;
         wide.covariance[(2, 2)] *= PRIOR_WIDENING * PRIOR_WIDENING;
-        self.update(camera, geometry, &wide, pixel, variance_px2)
+        self.update(view, &wide, pixel, variance_px2)
     }
 
-    /// The landmark after one measurement; `None` when a sigma point is not
+    /// The landmark after one measurement in the camera of `view`; `None` when a sigma point is not
     /// visible, the gate rejects it or its covariance lost positive definiteness.
     #[must_use]
     pub(crate) fn update(
         &self,
-        camera: &PlacedCamera,
-        geometry: &LandmarkGeometry,
+        view: &LandmarkView,
         landmark: &Landmark,
         pixel: &Vector2<f64>,
         variance_px2: f64,
     ) -> Option<Landmark> {
         let (mean, covariance) = (landmark.mean, landmark.covariance);
-        let mut about = (mean, covariance);
-        let mut iterations = 1;
+        let (mut about, mut lower, iterations);
         if landmark.depth_openness() > OPEN_DEPTH {
+            let (start, diagonal) = self.start(view, landmark, pixel);
+            about = start;
+            lower = Lower3::of(&Matrix3::from_diagonal(&diagonal))?;
             iterations = OPEN_ITERATIONS;
-            about = self.start(camera, geometry, landmark, pixel);
+        } else {
+            about = mean;
+            lower = Lower3::of(&covariance)?;
+            iterations = 1;
         }
-        let noise = Matrix2::identity() * variance_px2;
+        let mut updated = covariance;
         let mut nis = 0.0;
         for _ in 0..iterations {
-            let moments = unscented_transform(&about.0, &about.1, &self.points, |m| {
-                geometry
-                    .ray(m)
-                    .project(self.pinhole, camera)
-                    .unwrap_or(Vector2::from_element(f64::NAN))
-            })
-            .ok()?;
-            let slope_transposed = about.1.cholesky()?.solve(&moments.cross_covariance);
-            let linear = slope_transposed.tr_mul(&moments.cross_covariance);
-            let cross = covariance * slope_transposed;
-            let innovation_covariance =
-                slope_transposed.tr_mul(&cross) + (moments.covariance - linear) + noise;
-            let factor = innovation_covariance.cholesky()?;
-            let innovation = pixel - moments.mean - slope_transposed.tr_mul(&(mean - about.0));
-            let gain = factor.solve(&cross.transpose()).transpose();
-            let updated = covariance - gain * innovation_covariance * gain.transpose();
-            let updated = (updated + updated.transpose()) * 0.5;
-            updated.cholesky()?;
-            about = (mean + gain * innovation, updated);
-            nis = innovation.dot(&factor.solve(&innovation));
+            let moments = pixel_moments(&self.points, self.pinhole, view, &about, &lower)?;
+            let cross: Matrix3x2<f64> = covariance * moments.slope.transpose();
+            let of_prior = moments.slope * cross;
+            let (a, b, c) = (
+                of_prior[(0, 0)] + moments.rest[(0, 0)] + variance_px2,
+                of_prior[(1, 0)] + moments.rest[(1, 0)],
+                of_prior[(1, 1)] + moments.rest[(1, 1)] + variance_px2,
+            );
+            let determinant = a * c - b * b;
+            let definite = a > 0.0 && determinant > 0.0;
+            if !definite {
+                return None;
+            }
+            let inverse = 1.0 / determinant;
+            let gain = Matrix3x2::from_columns(&[
+                (cross.column(0) * c - cross.column(1) * b) * inverse,
+                (cross.column(1) * a - cross.column(0) * b) * inverse,
+            ]);
+            let innovation = pixel - moments.mean - moments.slope * (mean - about);
+            // P - K S K^T, with K S = P_xz.
+            for j in 0..3 {
+                for i in j..3 {
+                    let taken = gain[(i, 0)] * cross[(j, 0)] + gain[(i, 1)] * cross[(j, 1)];
+                    updated[(i, j)] = covariance[(i, j)] - taken;
+                    updated[(j, i)] = updated[(i, j)];
+                }
+            }
+            lower = Lower3::of(&updated)?;
+            about = mean + gain * innovation;
+            let (e, f) = (innovation.x, innovation.y);
+            nis = (c * e * e - 2.0 * b * e * f + a * f * f) * inverse;
         }
         (nis <= GATE).then_some(Landmark {
-            mean: about.0,
-            covariance: about.1,
+            mean: about,
+            covariance: updated,
             ..*landmark
         })
     }
 
-    /// The Gaussian at which an open depth is linearised first: at the depth that the pixel shows, and so narrow that no
-    /// sigma point lies behind the camera.
+    /// The Gaussian at which an open depth is linearised first, mean and variances: at the depth that the pixel shows, and
+    /// so narrow that no sigma point lies behind the camera.
     fn start(
         &self,
-        camera: &PlacedCamera,
-        geometry: &LandmarkGeometry,
+        view: &LandmarkView,
         landmark: &Landmark,
         pixel: &Vector2<f64>,
-    ) -> (Vector3<f64>, Matrix3<f64>) {
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let highest = landmark.mean.z + 4.0 * landmark.covariance[(2, 2)].sqrt();
-        let mean = geometry.refocus(self.pinhole, camera, &landmark.mean, pixel, highest);
+        let mean = view.refocus(self.pinhole, &landmark.mean, pixel, highest);
         let spread = (START_SPREAD * mean.z).max(START_FLOOR * highest);
         let mut diagonal = landmark.covariance.diagonal();
         diagonal.z = diagonal.z.min(spread * spread);
-        (mean, Matrix3::from_diagonal(&diagonal))
+        (mean, diagonal)
     }
 }

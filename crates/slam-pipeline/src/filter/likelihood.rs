@@ -77,18 +77,17 @@ impl View<'_> {
     }
 
     fn exact(&self, m: &Prepared) -> f64 {
-        let camera = &self.placed;
         let across_only = m.scoring == Scoring::AcrossEpipolar;
         let wrong = if across_only {
             self.outlier_share / self.image_area_px2.sqrt()
         } else {
             self.outlier_share / self.image_area_px2
         };
-        let focus = m.focus(self.pinhole, camera);
-        let ray = m.geometry.ray(&focus);
+        let view = m.geometry.view(&self.placed);
+        let focus = m.focus(self.pinhole, &view);
         let (Some(predicted), Some(jacobian)) = (
-            ray.project(self.pinhole, camera),
-            m.geometry.parameter_jacobian(self.pinhole, camera, &focus),
+            view.project(self.pinhole, &focus),
+            view.jacobian(self.pinhole, &focus),
         ) else {
             return wrong.ln();
         };

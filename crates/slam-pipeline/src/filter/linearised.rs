@@ -11,9 +11,9 @@
 //! only; the importance weight makes up for it.
 
 use estimation_base::Manifold;
-use mono_geometry::inverse_depth::Ray;
+use mono_geometry::inverse_depth::HORIZON;
 use mono_geometry::{Pinhole, PlacedCamera};
-use nalgebra::{Matrix2, SMatrix, Vector2};
+use nalgebra::{Matrix2, SMatrix, Vector2, Vector3};
 
 use super::landmark::projected_covariance;
 use super::motion::MotionPrior;
@@ -87,23 +87,23 @@ pub(crate) fn pose_posterior(
             return posterior;
         };
         let offset = inverse_factor * posterior.mean;
-        let mut information = PoseMatrix::identity();
+        // Sums over the matches in the coordinates linearised about, turned into those of the prior once.
+        let mut information = PoseMatrix::zeros();
         let mut vector = PoseStep::zeros();
         for prepared in matches.iter().flatten() {
             let Some(line) = linearisation.linearise(prepared) else {
                 continue;
             };
-            let residual = prepared.pixel - line.mean + line.slope * offset;
             let at_mean = prepared.pixel - line.mean;
-            let slope = line.slope * inverse_factor;
+            let residual = at_mean + line.slope * offset;
             match prepared.scoring {
                 Scoring::Full => {
-                    let Some(chol) = line.noise.cholesky() else {
+                    let Some(inverse) = line.inverse_noise() else {
                         continue;
                     };
-                    let weight = huber(iteration, at_mean.dot(&chol.solve(&at_mean)));
-                    let weighted = chol.solve(&slope) * weight;
-                    information += slope.transpose() * weighted;
+                    let weight = huber(iteration, at_mean.dot(&(inverse * at_mean)));
+                    let weighted = inverse * line.slope * weight;
+                    information += line.slope.transpose() * weighted;
                     vector += weighted.transpose() * residual;
                 }
                 Scoring::AcrossEpipolar => {
@@ -111,13 +111,16 @@ pub(crate) fn pose_posterior(
                     let variance = (normal.transpose() * line.noise * normal)[(0, 0)];
                     let along = normal.dot(&at_mean);
                     let weight = huber(iteration, along * along / variance) / variance;
-                    let row = slope.tr_mul(&normal);
+                    let row = line.slope.tr_mul(&normal);
                     information += row * row.transpose() * weight;
                     vector += row * (weight * normal.dot(&residual));
                 }
                 Scoring::MapOnly => {}
             }
         }
+        let information =
+            PoseMatrix::identity() + inverse_factor.tr_mul(&(information * inverse_factor));
+        let vector = inverse_factor.tr_mul(&vector);
         let Some(chol) = information.cholesky() else {
             return posterior;
         };
@@ -159,6 +162,14 @@ pub(crate) struct Line {
 }
 
 impl Line {
+    /// The inverse of the noise; `None` if it is not positive definite.
+    #[inline]
+    fn inverse_noise(&self) -> Option<Matrix2<f64>> {
+        let (a, b, c) = (self.noise[(0, 0)], self.noise[(1, 0)], self.noise[(1, 1)]);
+        let determinant = a * c - b * b;
+        (a > 0.0 && determinant > 0.0).then(|| Matrix2::new(c, -b, -b, a) / determinant)
+    }
+
     /// Innovation covariance under the distribution linearised about.
     #[must_use]
     pub(crate) fn innovation(&self) -> Matrix2<f64> {
@@ -166,12 +177,18 @@ impl Line {
     }
 }
 
+/// Cameras of the sigma points: plus and minus each axis.
+const SIGMA: usize = 2 * POSE_DIM;
+
 /// The cameras of the sigma points of a pose distribution.
 #[derive(Debug, Clone)]
 pub(crate) struct PoseLinearisation {
     pinhole: Pinhole,
     mean: PlacedCamera,
-    sigma: [PlacedCamera; 2 * POSE_DIM],
+    /// Entries of camera_from_world by rows, one lane a camera.
+    rotation: [[f64; SIGMA]; 9],
+    /// From the mean camera's centre to each one's, in the axes of that one.
+    shift: [[f64; SIGMA]; 3],
 }
 
 impl PoseLinearisation {
@@ -179,54 +196,104 @@ impl PoseLinearisation {
     #[must_use]
     pub(crate) fn new(rig: &Rig, prior: &MotionPrior, posterior: &PosePosterior) -> Self {
         let centre = posterior.mean_pose(prior);
+        let mean = centre.place(rig);
         let spread = prior.factor * posterior.factor * SPREAD_SQUARED.sqrt();
+        let (mut rotation, mut shift) = ([[0.0; SIGMA]; 9], [[0.0; SIGMA]; 3]);
+        for lane in 0..SIGMA {
+            let column = spread.column(lane % POSE_DIM).into_owned();
+            let step = if lane < POSE_DIM { column } else { -column };
+            let camera = centre.retract(&step).place(rig);
+            let from_mean = camera.camera_from_world * (camera.centre - mean.centre);
+            for row in 0..3 {
+                shift[row][lane] = from_mean[row];
+                for column in 0..3 {
+                    rotation[3 * row + column][lane] = camera.camera_from_world[(row, column)];
+                }
+            }
+        }
         Self {
             pinhole: *rig.pinhole(),
-            mean: centre.place(rig),
-            sigma: core::array::from_fn(|j| {
-                let column = spread.column(j % POSE_DIM).into_owned();
-                let step = if j < POSE_DIM { column } else { -column };
-                centre.retract(&step).place(rig)
-            }),
+            mean,
+            rotation,
+            shift,
         }
+    }
+
+    /// Pixels without principal point of a direction seen from the sigma points, of which `rate` times the way is taken
+    /// off; `None` unless all see it.
+    #[inline]
+    fn images(&self, direction: &Vector3<f64>, rate: f64) -> Option<[[f64; SIGMA]; 2]> {
+        let mut q = [[0.0; SIGMA]; 3];
+        for (row, q) in q.iter_mut().enumerate() {
+            let [a, b, c] = [
+                &self.rotation[3 * row],
+                &self.rotation[3 * row + 1],
+                &self.rotation[3 * row + 2],
+            ];
+            let shift = &self.shift[row];
+            for lane in 0..SIGMA {
+                q[lane] = a[lane] * direction.x + b[lane] * direction.y + c[lane] * direction.z
+                    - rate * shift[lane];
+            }
+        }
+        let [mut u, mut v, z] = q;
+        let mut visible = true;
+        for lane in 0..SIGMA {
+            let largest = u[lane].abs().max(v[lane].abs()).max(z[lane].abs());
+            visible &= z[lane] > HORIZON * largest;
+        }
+        if !visible {
+            return None;
+        }
+        for lane in 0..SIGMA {
+            let inverse = 1.0 / z[lane];
+            u[lane] *= self.pinhole.fx * inverse;
+            v[lane] *= self.pinhole.fy * inverse;
+        }
+        Some([u, v])
     }
 
     /// Linearises one match; `None` when a sigma point cannot see the landmark.
     #[must_use]
     pub(crate) fn linearise(&self, prepared: &Prepared) -> Option<Line> {
-        let (pinhole, mean_camera, cameras) = (&self.pinhole, &self.mean, &self.sigma);
-        let focus = prepared.focus(pinhole, mean_camera);
-        let ray: Ray = prepared.geometry.ray(&focus);
+        let pinhole = &self.pinhole;
+        let view = prepared.geometry.view(&self.mean);
+        let focus = prepared.focus(pinhole, &view);
+        let jacobian = view.jacobian(pinhole, &focus)?;
+        let q = view.direction(&focus);
+        let base = Vector2::new(pinhole.fx * q.x / q.z, pinhole.fy * q.y / q.z);
+        let ray = prepared.geometry.ray(&focus);
+        let direction = ray.base + (ray.origin - self.mean.centre) * ray.rate;
+        let [u, v] = self.images(&direction, ray.rate)?;
+        let half = 0.5 / SPREAD_SQUARED.sqrt();
         let mut slope = SMatrix::<f64, 2, POSE_DIM>::zeros();
         let mut mean = Vector2::zeros();
-        let mut outer = Matrix2::zeros();
-        let base = ray.project(pinhole, mean_camera)?;
-        let half = 0.5 / SPREAD_SQUARED.sqrt();
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for j in 0..POSE_DIM {
-            let plus = ray.project(pinhole, &cameras[j])? - base;
-            let minus = ray.project(pinhole, &cameras[j + POSE_DIM])? - base;
-            mean += plus + minus;
-            outer += plus * plus.transpose() + minus * minus.transpose();
-            slope.set_column(j, &((plus - minus) * half));
+            let (pu, pv) = (u[j] - base.x, v[j] - base.y);
+            let (mu, mv) = (u[j + POSE_DIM] - base.x, v[j + POSE_DIM] - base.y);
+            mean.x += pu + mu;
+            mean.y += pv + mv;
+            xx += pu * pu + mu * mu;
+            xy += pu * pv + mu * mv;
+            yy += pv * pv + mv * mv;
+            slope[(0, j)] = (pu - mu) * half;
+            slope[(1, j)] = (pv - mv) * half;
         }
         let weight = 0.5 / SPREAD_SQUARED;
         mean *= weight;
         // Covariance about the mean; beta = 2 gives the centre a covariance weight of 2.
-        let spread_covariance =
-            outer * weight - mean * mean.transpose() + 2.0 * mean * mean.transpose();
+        let spread_covariance = Matrix2::new(xx, xy, xy, yy) * weight + mean * mean.transpose();
         let mut error = spread_covariance - slope * slope.transpose();
         // What curvature leaves; rounding may make a zero slightly negative.
         if error[(0, 0)] < 0.0 || error[(1, 1)] < 0.0 || error.determinant() < 0.0 {
             error = Matrix2::zeros();
         }
-        let jacobian = prepared
-            .geometry
-            .parameter_jacobian(pinhole, mean_camera, &focus)?;
         let noise = error
             + projected_covariance(&jacobian, &prepared.covariance)
             + Matrix2::identity() * prepared.variance_px2;
         Some(Line {
-            mean: base + mean,
+            mean: base + Vector2::new(pinhole.cx, pinhole.cy) + mean,
             slope,
             noise,
             across: across_epipolar(&jacobian),

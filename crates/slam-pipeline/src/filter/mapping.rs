@@ -7,6 +7,7 @@
 
 use core::convert::Infallible;
 
+use mono_geometry::inverse_depth::LandmarkView;
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
 use mono_geometry::{Pinhole, PlacedCamera, Se3};
 use nalgebra::{Rotation3, Vector2};
@@ -14,6 +15,7 @@ use rbpf_core::MapUpdate;
 use ukf::SigmaPoints;
 
 use super::landmark::{Landmark, Parametrisation};
+use super::landmark_moments::AxisPoints;
 use super::landmark_update::LandmarkUpdate;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
@@ -46,7 +48,7 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         }
         let update = LandmarkUpdate {
             pinhole: self.rig.pinhole(),
-            points: self.points,
+            points: AxisPoints::new(&self.points),
         };
         let camera = particle.pose.place(self.rig);
         particle.path.push(Keyframe {
@@ -55,6 +57,8 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
             body: particle.metric.body(particle.pose.phi),
             scale: particle.metric.scale(),
         });
+        // Landmarks come in order of their ids, so those of one anchor follow one another.
+        let mut last: Option<(Option<u32>, LandmarkView)> = None;
         for m in &observation.matches {
             let known = particle.map.get(m.id).copied();
             let landmark = match (known, m.prototype) {
@@ -62,14 +66,22 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
                 (None, Some(prototype)) if self.start == LandmarkStart::SecondSighting => prototype,
                 _ => continue,
             };
-            let Some(geometry) = particle.geometry(&landmark) else {
-                continue;
+            let anchor = landmark.anchor();
+            let view = match last {
+                Some((same, view)) if same == anchor => view,
+                _ => {
+                    let Some(geometry) = particle.geometry(&landmark) else {
+                        continue;
+                    };
+                    geometry.view(&camera)
+                }
             };
+            last = Some((anchor, view));
             let (pixel, variance) = (&m.pixel, m.variance_px2);
             let updated = if known.is_some() {
-                update.update(&camera, &geometry, &landmark, pixel, variance)
+                update.update(&view, &landmark, pixel, variance)
             } else {
-                update.first(&camera, &geometry, &landmark, pixel, variance)
+                update.first(&view, &landmark, pixel, variance)
             };
             match updated {
                 Some(updated) => particle.map.insert(m.id, updated),

@@ -3,7 +3,8 @@
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
-//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`redraw`], [`landmark_update`], [`mapping`], [`adaptation`],
+//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`redraw`], [`landmark_moments`],
+//! [`landmark_update`], [`mapping`], [`adaptation`],
 //! [`drift`].
 
 pub(crate) mod adaptation;
@@ -11,6 +12,7 @@ pub(crate) mod drift;
 pub(crate) mod evolution;
 pub(crate) mod first_order;
 pub(crate) mod landmark;
+pub(crate) mod landmark_moments;
 pub(crate) mod landmark_update;
 pub(crate) mod likelihood;
 pub(crate) mod linearised;

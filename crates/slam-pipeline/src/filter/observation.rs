@@ -1,7 +1,7 @@
 //! The measurements of one frame, the same for every particle.
 
-use mono_geometry::inverse_depth::LandmarkGeometry;
-use mono_geometry::{Pinhole, PlacedCamera};
+use mono_geometry::Pinhole;
+use mono_geometry::inverse_depth::{LandmarkGeometry, LandmarkView};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::landmark::Landmark;
@@ -90,14 +90,14 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Parameters at which to linearise: those of the mean, or of the depth the
+    /// Parameters at which to linearise, in the camera of `view`: those of the mean, or of the depth the
     /// pixel shows when the depth is open.
     #[must_use]
-    pub(crate) fn focus(&self, pinhole: &Pinhole, camera: &PlacedCamera) -> Vector3<f64> {
-        if self.scoring == Scoring::AcrossEpipolar {
+    #[inline]
+    pub(crate) fn focus(&self, pinhole: &Pinhole, view: &LandmarkView) -> Vector3<f64> {
+        if self.scoring == Scoring::AcrossEpipolar && self.geometry.anchor().is_some() {
             let highest = self.mean.z + 4.0 * self.covariance[(2, 2)].sqrt();
-            self.geometry
-                .refocus(pinhole, camera, &self.mean, &self.pixel, highest)
+            view.refocus(pinhole, &self.mean, &self.pixel, highest)
         } else {
             self.mean
         }

@@ -1,15 +1,10 @@
 //! The keypoints of one frame, undistorted.
 
-use kiddo::SquaredEuclidean;
-use kiddo::float::kdtree::KdTree;
 use mono_geometry::{Camera, Distortion};
 use nalgebra::{Matrix2, Vector2};
 use vision_sift::Features;
 
-/// Keypoints that look the same as their neighbours to the last digit would
-/// overfill a bucket of the tree; one bucket holds more orientations than a
-/// keypoint can have.
-const BUCKET: usize = 256;
+use super::nearby::Nearby;
 
 /// Features of one frame with their ideal pixels.
 #[derive(Debug)]
@@ -20,7 +15,8 @@ pub(crate) struct FrameFeatures<'a> {
     pub(crate) ideal: Vec<Option<Vector2<f64>>>,
     /// Variance of an ideal pixel per variance of the measured one: the lens stretches the noise with the image.
     pub(crate) variance_stretch: Vec<f64>,
-    tree: KdTree<f64, u64, 2, BUCKET, u32>,
+    /// The keypoints with an ideal pixel, by place.
+    pub(crate) nearby: Nearby,
 }
 
 impl<'a> FrameFeatures<'a> {
@@ -40,31 +36,13 @@ impl<'a> FrameFeatures<'a> {
             .iter()
             .map(|p| p.map_or(1.0, |p| variance_stretch(camera, &p)))
             .collect();
-        let mut tree = KdTree::with_capacity(ideal.len().max(1));
-        for (i, p) in ideal.iter().enumerate() {
-            if let Some(p) = p {
-                tree.add(&[p.x, p.y], i as u64);
-            }
-        }
+        let nearby = Nearby::new(&ideal);
         Self {
             features,
             ideal,
             variance_stretch,
-            tree,
+            nearby,
         }
-    }
-
-    /// Keypoints within `radius_px` of `pixel`, in index order.
-    #[must_use]
-    pub(crate) fn near(&self, pixel: &Vector2<f64>, radius_px: f64) -> Vec<usize> {
-        let mut found: Vec<usize> = self
-            .tree
-            .within_unsorted::<SquaredEuclidean>(&[pixel.x, pixel.y], radius_px * radius_px)
-            .into_iter()
-            .map(|n| n.item as usize)
-            .collect();
-        found.sort_unstable();
-        found
     }
 }
 

@@ -186,16 +186,14 @@ impl Matcher<'_> {
         }
         let mut first = (u32::MAX, usize::MAX);
         let mut second = u32::MAX;
-        for k in self.frame.near(&predicted.pixel, radius) {
-            let Some(pixel) = self.frame.ideal[k] else {
-                continue;
-            };
+        for (k, pixel) in self.frame.nearby.around(predicted.pixel, radius) {
             let innovation = pixel - predicted.pixel;
             if !self.params.gate.admits(&innovation, &predicted.covariance) {
                 continue;
             }
             let d = distance_squared(&entry.descriptor, &self.frame.features.descriptors[k]);
-            if d < first.0 {
+            // Of equal distances the lower index wins, in whatever order they come.
+            if (d, k) < first {
                 second = first.0;
                 first = (d, k);
             } else {

@@ -13,6 +13,7 @@ pub(crate) mod frame;
 pub(crate) mod gate;
 pub(crate) mod matching;
 pub(crate) mod missed;
+pub(crate) mod nearby;
 pub(crate) mod prediction;
 #[cfg(test)]
 mod tests;

@@ -2,6 +2,7 @@
 //! a posteriori where it is not, no shrinking, consistency.
 
 use crate::filter::landmark::{InverseDepthPrior, Landmark};
+use crate::filter::landmark_moments::AxisPoints;
 use crate::filter::landmark_update::LandmarkUpdate;
 use mono_geometry::PlacedCamera;
 use mono_geometry::inverse_depth::LandmarkGeometry;
@@ -18,7 +19,7 @@ const RHO: InverseDepthPrior = OPEN_DEPTH;
 fn filter() -> LandmarkUpdate<'static> {
     LandmarkUpdate {
         pinhole: &PINHOLE,
-        points: SigmaPoints::default(),
+        points: AxisPoints::new(&SigmaPoints::default()),
     }
 }
 
@@ -53,8 +54,7 @@ fn sideways_motion_is_linear_and_equals_kalman() {
         let covariance = prior.covariance - gain * s * gain.transpose();
         let updated = filter()
             .update(
-                &camera,
-                &geometry,
+                &geometry.view(&camera),
                 &prior,
                 &(predicted + innovation),
                 VARIANCE,
@@ -78,7 +78,7 @@ fn far_innovation_is_gated() {
     let predicted = project(&camera, &geometry, &prior.mean);
     let at = |dy: f64| {
         let pixel = predicted + Vector2::new(0.0, dy * SIGMA_PX);
-        filter().update(&camera, &geometry, &prior, &pixel, VARIANCE)
+        filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
     };
     // 18.4 = 4.29^2; the landmark adds little.
     assert!(at(4.2).is_some() && at(4.4).is_none());
@@ -148,7 +148,8 @@ fn open_depth_finds_the_maximum_a_posteriori() {
         let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
         let prior = Landmark::from_first_sighting(&pinhole(), 0, &first, SIGMA_PX, RHO);
         let pixel = pixel_of(&camera, &ahead(&anchor, a, b, depth)) + noise;
-        let Some(updated) = filter().update(&camera, &geometry, &prior, &pixel, VARIANCE) else {
+        let Some(updated) = filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
+        else {
             continue;
         };
         let sigma = updated.covariance[(2, 2)].sqrt();
@@ -185,9 +186,9 @@ fn far_points(widened: bool) -> (f64, f64) {
             let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
             let pixel = seen(&camera);
             let updated = if widened {
-                filter().first(&camera, &geometry, &prior, &pixel, VARIANCE)
+                filter().first(&geometry.view(&camera), &prior, &pixel, VARIANCE)
             } else {
-                filter().update(&camera, &geometry, &prior, &pixel, VARIANCE)
+                filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
             };
             // A gate of 1e-4 drops the same tails on both sides.
             if let Some(l) = updated {
@@ -233,7 +234,7 @@ fn covariance_stays_positive_definite() {
             let camera = place(&near(&mut rng, &from));
             let pixel =
                 pixel_of(&camera, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
-            match filter().update(&camera, &geometry, &landmark, &pixel, VARIANCE) {
+            match filter().update(&geometry.view(&camera), &landmark, &pixel, VARIANCE) {
                 Some(next) => {
                     assert_eq!(next.covariance, next.covariance.transpose());
                     assert!(next.covariance.cholesky().is_some());
@@ -269,14 +270,14 @@ fn errors_are_as_large_as_the_covariance_says() {
         let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
         let at = |i: f64| place(&pose(0.1 * i, 0.01 * i, 0.02 * i));
         let Some(mut landmark) =
-            filter().first(&at(1.0), &geometry, &prior, &seen(&at(1.0)), VARIANCE)
+            filter().first(&geometry.view(&at(1.0)), &prior, &seen(&at(1.0)), VARIANCE)
         else {
             continue;
         };
         for i in 2..6 {
             let camera = at(f64::from(i));
             if let Some(next) =
-                filter().update(&camera, &geometry, &landmark, &seen(&camera), VARIANCE)
+                filter().update(&geometry.view(&camera), &landmark, &seen(&camera), VARIANCE)
             {
                 landmark = next;
             }
