@@ -7,10 +7,12 @@ use crate::camera::Pinhole;
 /// Smallest depth of a direction that is visible, as a share of its largest coordinate in camera axes.
 pub const HORIZON: f64 = 1e-3;
 
-/// Whether a direction in camera axes is visible; not if it is NaN.
+/// Whether a direction in camera axes is visible. One that is not a number counts as visible, so that its pixel is not a
+/// number either and nothing hides the fault.
 #[inline]
 pub(super) fn in_front(in_camera: &Vector3<f64>) -> bool {
-    in_camera.z > HORIZON * in_camera.amax()
+    let behind = in_camera.z <= HORIZON * in_camera.amax();
+    !behind
 }
 
 /// Derivative of the ideal pixel with respect to a direction in camera axes (2x3).

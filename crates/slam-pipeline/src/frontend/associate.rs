@@ -19,14 +19,14 @@ use crate::rig::Rig;
 
 /// Associates `frame` with the catalogue, seen from `reference` under `prior`.
 #[must_use]
-pub(crate) fn associate(
+pub(crate) fn associate<'a>(
     rig: &Rig,
     frame: &FrameFeatures<'_>,
-    catalogue: &Catalogue,
+    catalogue: &'a Catalogue,
     reference: &Particle,
     prior: &MotionPrior,
     params: &AssociationParams,
-) -> Association {
+) -> Association<'a> {
     let in_view = predict(rig, catalogue, reference, prior, params.sigma_px);
     let pairs = Matcher {
         frame,
@@ -35,5 +35,5 @@ pub(crate) fn associate(
         params,
     }
     .keypoints();
-    consensus(rig, frame, pairs, in_view, prior, params)
+    consensus(rig, frame, &pairs, in_view, prior, params)
 }

@@ -1,12 +1,10 @@
 //! The association of a frame: which keypoint shows which landmark.
 
-use std::collections::BTreeMap;
-
 use mono_geometry::PlacedCamera;
 use nalgebra::Vector2;
 
 use super::gate::Gate;
-use super::prediction::Predicted;
+use super::prediction::InView;
 use crate::filter::linearised::PosePosterior;
 use crate::filter::observation::MatchedFeature;
 use crate::method::DescriptorSearch;
@@ -47,13 +45,13 @@ pub(crate) struct Pair {
 
 /// Outcome of the association of a frame.
 #[derive(Debug)]
-pub(crate) struct Association {
+pub(crate) struct Association<'a> {
     /// Accepted matches in order of landmark id.
     pub(crate) inliers: Vec<Pair>,
     /// Matches the consensus rejected.
     pub(crate) outliers: Vec<Pair>,
     /// Landmarks predicted in view.
-    pub(crate) in_view: BTreeMap<u32, Predicted>,
+    pub(crate) in_view: InView<'a>,
     /// Camera of the reference particle given the inliers.
     pub(crate) camera: PlacedCamera,
     /// Pose of the reference particle given the inliers.

@@ -3,39 +3,38 @@
 //! A robust pose posterior is formed from all matches; then each match is gated by what the posterior leaves of its
 //! innovation covariance. This is repeated once without the outliers.
 
-use std::collections::BTreeMap;
-
 use super::association::{Association, AssociationParams, Pair};
 use super::frame::FrameFeatures;
-use super::prediction::Predicted;
+use super::prediction::InView;
 use crate::filter::likelihood::mahalanobis_2d;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::rig::Rig;
 
-/// Judges the pairs of landmark id and keypoint by a robust pose posterior of all of them.
+/// Judges the pairs of landmark (its place in view) and keypoint by a robust pose posterior of all of them.
 #[must_use]
-pub(crate) fn consensus(
+pub(crate) fn consensus<'a>(
     rig: &Rig,
     frame: &FrameFeatures<'_>,
-    pairs: BTreeMap<u32, usize>,
-    in_view: BTreeMap<u32, Predicted>,
+    pairs: &[(usize, usize)],
+    in_view: InView<'a>,
     prior: &MotionPrior,
     params: &AssociationParams,
-) -> Association {
+) -> Association<'a> {
     let mut candidates: Vec<(Pair, Prepared)> = Vec::with_capacity(pairs.len());
-    for (id, k) in pairs {
-        let (Some(pixel), Some(predicted)) = (frame.ideal[k], in_view.get(&id)) else {
+    for &(position, k) in pairs {
+        let Some(pixel) = frame.ideal[k] else {
             continue;
         };
+        let (id, predicted) = &in_view.landmarks()[position];
         let mut prepared = predicted.prepared;
         prepared.pixel = pixel;
         prepared.variance_px2 *= frame.variance_stretch[k];
         prepared.scoring = scoring(rig, &prepared, prior, params);
         let nis = mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance);
         let feature = MatchedFeature {
-            id,
+            id: *id,
             pixel,
             variance_px2: prepared.variance_px2,
             scoring: prepared.scoring,

@@ -2,8 +2,6 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::filter::likelihood::mahalanobis_2d;
-
 /// Bound on the squared normalised innovation d^T S^-1 d of a pixel (2 degrees of freedom).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Gate {
@@ -15,7 +13,11 @@ impl Gate {
     /// Whether `innovation` lies within the gate of covariance `s`.
     #[must_use]
     pub(crate) fn admits(&self, innovation: &Vector2<f64>, s: &Matrix2<f64>) -> bool {
-        mahalanobis_2d(innovation, s) <= self.limit
+        // d^T adj(S) d <= limit det(S), without a division for each candidate.
+        let squared = s[(1, 1)] * innovation.x * innovation.x
+            - 2.0 * s[(0, 1)] * innovation.x * innovation.y
+            + s[(0, 0)] * innovation.y * innovation.y;
+        squared <= self.limit * s.determinant()
     }
 
     /// Radius in pixels of the circle around the gate of covariance `s`.

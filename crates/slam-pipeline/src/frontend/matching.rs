@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::association::AssociationParams;
 use super::catalogue::Catalogue;
 use super::frame::FrameFeatures;
-use super::prediction::Predicted;
+use super::prediction::{InView, Predicted};
 use crate::method::DescriptorSearch;
 
 /// Gates no wider than this are searched before the descriptors decide, pixels.
@@ -24,10 +24,10 @@ const NARROW_GATE_PX: f64 = 12.0;
 pub(crate) struct Matcher<'a> {
     /// Keypoints of the frame.
     pub(crate) frame: &'a FrameFeatures<'a>,
-    /// Descriptors of the landmarks.
+    /// Where the whole map is searched.
     pub(crate) catalogue: &'a Catalogue,
     /// Landmarks predicted in view.
-    pub(crate) in_view: &'a BTreeMap<u32, Predicted>,
+    pub(crate) in_view: &'a InView<'a>,
     /// Thresholds.
     pub(crate) params: &'a AssociationParams,
 }
@@ -35,13 +35,14 @@ pub(crate) struct Matcher<'a> {
 /// Keypoints found so far: at most one a landmark, and one landmark a keypoint.
 #[derive(Debug)]
 struct Pairing {
-    keypoint_of: BTreeMap<u32, usize>,
+    /// By the landmark's place in view.
+    keypoint_of: Vec<Option<usize>>,
     used: Vec<bool>,
 }
 
 impl Pairing {
-    fn add(&mut self, id: u32, keypoint: usize) {
-        self.keypoint_of.insert(id, keypoint);
+    fn add(&mut self, position: usize, keypoint: usize) {
+        self.keypoint_of[position] = Some(keypoint);
         self.used[keypoint] = true;
     }
 }
@@ -53,31 +54,30 @@ struct Query {
 }
 
 impl Matcher<'_> {
-    /// The keypoint of each landmark that has one, by landmark id.
+    /// The landmarks that have a keypoint, by their place in view, with it; in order of the landmarks.
     #[must_use]
-    pub(crate) fn keypoints(&self) -> BTreeMap<u32, usize> {
+    pub(crate) fn keypoints(&self) -> Vec<(usize, usize)> {
         let mut pairing = Pairing {
-            keypoint_of: BTreeMap::new(),
+            keypoint_of: vec![None; self.in_view.len()],
             used: vec![false; self.frame.ideal.len()],
         };
         match self.params.search {
             DescriptorSearch::InView => {
-                self.guided(NARROW_GATE_PX, &mut pairing);
+                self.guided(|radius_px| radius_px <= NARROW_GATE_PX, &mut pairing);
                 self.in_view(&mut pairing);
-                self.guided(f64::INFINITY, &mut pairing);
+                // A narrow gate that was in vain before would be again.
+                self.guided(|radius_px| radius_px > NARROW_GATE_PX, &mut pairing);
             }
             DescriptorSearch::WholeMapForest => self.in_forest(&mut pairing),
         }
-        pairing.keypoint_of
+        let found = pairing.keypoint_of.iter().enumerate();
+        found.filter_map(|(i, k)| Some((i, (*k)?))).collect()
     }
 
     /// The two nearest landmarks in view of every keypoint that is not used yet.
     fn in_view(&self, pairing: &mut Pairing) {
-        let visible: ExactScan = self
-            .in_view
-            .keys()
-            .filter_map(|id| Some((*id, &*self.catalogue.get(*id)?.look)))
-            .collect();
+        let landmarks = self.in_view.landmarks().iter();
+        let visible: ExactScan = landmarks.map(|(id, p)| (*id, &*p.entry.look)).collect();
         let open = self.open(pairing);
         let queries: Vec<Descriptor> = open
             .iter()
@@ -118,72 +118,64 @@ impl Matcher<'_> {
     /// Keeps the pairs that pass the ratio test and the gate, the nearest keypoint of each landmark.
     fn take_distinct(&self, open: &[Query], nearest: &[Option<TwoNearest>], pairing: &mut Pairing) {
         let ratio_squared = f64::from(self.params.ratio * self.params.ratio);
-        let mut best: BTreeMap<u32, (u32, usize)> = BTreeMap::new();
+        let mut best: BTreeMap<usize, (u32, usize)> = BTreeMap::new();
         for (query, nearest) in open.iter().zip(nearest) {
             let Some(nearest) = nearest else { continue };
             let first = nearest.first;
-            // A landmark of the whole map may be out of view.
-            let Some(predicted) = self.in_view.get(&first.id) else {
-                continue;
-            };
             let distinct = nearest.second.is_none_or(|second| {
                 f64::from(first.distance_squared)
                     < ratio_squared * f64::from(second.distance_squared)
             });
-            let gated = self
-                .params
-                .gate
-                .admits(&(query.pixel - predicted.pixel), &predicted.covariance);
-            if distinct && gated && !pairing.keypoint_of.contains_key(&first.id) {
+            if !distinct {
+                continue;
+            }
+            // A landmark of the whole map may be out of view.
+            let Some(position) = self.in_view.position(first.id) else {
+                continue;
+            };
+            let predicted = &self.in_view.landmarks()[position].1;
+            let innovation = query.pixel - predicted.pixel;
+            let gated = self.params.gate.admits(&innovation, &predicted.covariance);
+            if gated && pairing.keypoint_of[position].is_none() {
                 let candidate = (first.distance_squared, query.keypoint);
-                best.entry(first.id)
+                best.entry(position)
                     .and_modify(|b| *b = (*b).min(candidate))
                     .or_insert(candidate);
             }
         }
-        for (id, (_, keypoint)) in best {
-            pairing.add(id, keypoint);
+        for (position, (_, keypoint)) in best {
+            pairing.add(position, keypoint);
         }
     }
 
-    /// Landmarks without a keypoint look into their own gates of at most `radius_limit_px`; the best pairs are
+    /// Landmarks without a keypoint whose gates have a radius that is `wanted` look into them; the best pairs are
     /// served first.
-    fn guided(&self, radius_limit_px: f64, pairing: &mut Pairing) {
-        let open: Vec<(u32, &Predicted)> = self
+    fn guided(&self, wanted: impl Fn(f64) -> bool + Sync, pairing: &mut Pairing) {
+        let mut found: Vec<(u32, usize, usize)> = self
             .in_view
-            .iter()
-            .filter(|(id, _)| !pairing.keypoint_of.contains_key(id))
-            .map(|(id, p)| (*id, p))
-            .collect();
-        let mut found: Vec<(u32, u32, usize)> = open
-            .into_par_iter()
-            .filter_map(|(id, predicted)| {
+            .landmarks()
+            .par_iter()
+            .zip(&pairing.keypoint_of)
+            .enumerate()
+            .filter(|(_, (_, keypoint))| keypoint.is_none())
+            .filter_map(|(position, ((_, predicted), _))| {
+                let radius = self.params.gate.radius_px(&predicted.covariance);
                 let (distance_squared, keypoint) =
-                    self.look_into_gate(id, predicted, radius_limit_px)?;
-                Some((distance_squared, id, keypoint))
+                    wanted(radius).then(|| self.look_into_gate(predicted, radius))??;
+                Some((distance_squared, position, keypoint))
             })
             .collect();
         found.sort_unstable();
-        for (_, id, keypoint) in found {
+        for (_, position, keypoint) in found {
             if !pairing.used[keypoint] {
-                pairing.add(id, keypoint);
+                pairing.add(position, keypoint);
             }
         }
     }
 
     /// Squared descriptor distance and index of the keypoint that passes the test of the guided search.
-    fn look_into_gate(
-        &self,
-        id: u32,
-        predicted: &Predicted,
-        radius_limit_px: f64,
-    ) -> Option<(u32, usize)> {
+    fn look_into_gate(&self, predicted: &Predicted<'_>, radius: f64) -> Option<(u32, usize)> {
         let ratio_squared = f64::from(self.params.guided_ratio * self.params.guided_ratio);
-        let entry = self.catalogue.get(id)?;
-        let radius = self.params.gate.radius_px(&predicted.covariance);
-        if radius > radius_limit_px {
-            return None;
-        }
         let mut first = (u32::MAX, usize::MAX);
         let mut second = u32::MAX;
         for (k, pixel) in self.frame.nearby.around(predicted.pixel, radius) {
@@ -191,7 +183,10 @@ impl Matcher<'_> {
             if !self.params.gate.admits(&innovation, &predicted.covariance) {
                 continue;
             }
-            let d = distance_squared(&entry.descriptor, &self.frame.features.descriptors[k]);
+            let d = distance_squared(
+                &predicted.entry.descriptor,
+                &self.frame.features.descriptors[k],
+            );
             // Of equal distances the lower index wins, in whatever order they come.
             if (d, k) < first {
                 second = first.0;

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use super::association::Association;
-use super::catalogue::{Catalogue, Stage};
+use super::catalogue::Stage;
 
 /// Below this share of the landmarks in view found, a frame counts as blind.
 const BLIND_SHARE: f64 = 0.2;
@@ -15,32 +15,25 @@ const COMPARABLE_DEGREES: f64 = 20.0;
 
 /// Landmarks of the map that were in view under a comparable direction and not found, in order of id.
 #[must_use]
-pub(crate) fn missed_landmarks(catalogue: &Catalogue, association: &Association) -> Vec<u32> {
+pub(crate) fn missed_landmarks(association: &Association<'_>) -> Vec<u32> {
     let found: BTreeSet<u32> = association
         .inliers
         .iter()
         .chain(&association.outliers)
         .map(|p| p.feature.id)
         .collect();
-    let is_mapped = |id: u32| catalogue.get(id).is_some_and(|e| e.stage == Stage::Mapped);
-    let mapped = association
-        .in_view
-        .keys()
-        .filter(|id| is_mapped(**id))
-        .count();
-    if (found.len() as f64) < BLIND_SHARE * mapped as f64 {
+    let mapped = || {
+        let in_view = association.in_view.landmarks().iter();
+        in_view.filter(|(_, predicted)| predicted.entry.stage == Stage::Mapped)
+    };
+    if (found.len() as f64) < BLIND_SHARE * mapped().count() as f64 {
         return Vec::new();
     }
-    association
-        .in_view
-        .iter()
+    let comparable = COMPARABLE_DEGREES.to_radians().cos();
+    mapped()
         .filter(|(id, predicted)| {
             !found.contains(id)
-                && catalogue.get(**id).is_some_and(|e| {
-                    e.stage == Stage::Mapped
-                        && e.last_direction.dot(&predicted.direction)
-                            > COMPARABLE_DEGREES.to_radians().cos()
-                })
+                && predicted.entry.last_direction.dot(&predicted.direction) > comparable
         })
         .map(|(id, _)| *id)
         .collect()

@@ -1,56 +1,107 @@
 //! The keypoints around a place.
 //!
-//! They are kept in order of their rows. A search takes the rows it reaches by bisection and compares the columns; most
-//! searches are a few pixels high, and a frame has some hundred keypoints, which a tree does not serve faster.
+//! A grid over the smallest rectangle that holds them, with about one keypoint a cell and the keypoints in order of the
+//! cells: a search takes one run of neighbours from each row of cells that it reaches.
 
 use nalgebra::Vector2;
 
-/// Keypoints in order of their rows.
+/// Cells of equal size over a rectangle.
+#[derive(Debug)]
+struct Grid {
+    corner: Vector2<f64>,
+    cells_per_px: Vector2<f64>,
+    columns: usize,
+    rows: usize,
+}
+
+impl Grid {
+    /// About as many cells as `pixels` over the rectangle that holds them, as square as it allows.
+    fn around(pixels: &[(usize, Vector2<f64>)]) -> Self {
+        let first = pixels.first().map_or_else(Vector2::zeros, |(_, p)| *p);
+        let (low, high) = pixels.iter().fold((first, first), |(low, high), (_, p)| {
+            (low.inf(p), high.sup(p))
+        });
+        let extent = (high - low).map(|v| v.max(1.0));
+        let count = pixels.len().max(1) as f64;
+        let columns = (count * extent.x / extent.y)
+            .sqrt()
+            .ceil()
+            .clamp(1.0, count);
+        let rows = (count / columns).ceil();
+        Self {
+            corner: low,
+            cells_per_px: Vector2::new(columns / extent.x, rows / extent.y),
+            columns: columns as usize,
+            rows: rows as usize,
+        }
+    }
+
+    /// Column and row of the cell of a place, of the nearest cell for a place outside.
+    fn cell(&self, p: &Vector2<f64>) -> [usize; 2] {
+        let at = (p - self.corner).component_mul(&self.cells_per_px);
+        // A cast of a float keeps to the range of the integer.
+        [
+            (at.x as usize).min(self.columns - 1),
+            (at.y as usize).min(self.rows - 1),
+        ]
+    }
+}
+
+/// Keypoints in order of their cells.
 #[derive(Debug)]
 pub(crate) struct Nearby {
-    rows: Vec<f64>,
-    columns: Vec<f64>,
-    keypoints: Vec<usize>,
+    grid: Grid,
+    /// Where each cell begins in `keypoints`, row by row, and the end.
+    starts: Vec<usize>,
+    keypoints: Vec<(usize, Vector2<f64>)>,
 }
 
 impl Nearby {
     /// The pixels that are there, by index. O(n log n).
     #[must_use]
     pub(crate) fn new(pixels: &[Option<Vector2<f64>>]) -> Self {
-        let mut order: Vec<(f64, usize)> = pixels
+        let mut keypoints: Vec<_> = pixels
             .iter()
             .enumerate()
-            .filter_map(|(k, p)| Some((p.as_ref()?.y, k)))
+            .filter_map(|(k, p)| Some((k, p.filter(|p| p.iter().all(|v| v.is_finite()))?)))
             .collect();
-        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let grid = Grid::around(&keypoints);
+        let cell_of = |p: &Vector2<f64>| {
+            let [column, row] = grid.cell(p);
+            row * grid.columns + column
+        };
+        keypoints.sort_by_cached_key(|(_, p)| cell_of(p));
+        let mut starts = vec![0; grid.columns * grid.rows + 1];
+        for (_, p) in &keypoints {
+            starts[cell_of(p) + 1] += 1;
+        }
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
         Self {
-            rows: order.iter().map(|(row, _)| *row).collect(),
-            columns: order
-                .iter()
-                .filter_map(|(_, k)| pixels[*k].map(|p| p.x))
-                .collect(),
-            keypoints: order.into_iter().map(|(_, k)| k).collect(),
+            grid,
+            starts,
+            keypoints,
         }
     }
 
     /// The keypoints in the square around `pixel` that reaches as far as `radius_px`, with their pixels, in no particular
-    /// order. O(log n + keypoints in the rows it reaches).
+    /// order. O(rows of cells that it reaches + keypoints in them).
     pub(crate) fn around(
         &self,
         pixel: Vector2<f64>,
         radius_px: f64,
     ) -> impl Iterator<Item = (usize, Vector2<f64>)> {
-        let first = self.rows.partition_point(|y| *y < pixel.y - radius_px);
-        let last = self.rows.partition_point(|y| *y <= pixel.y + radius_px);
-        (first..last.max(first)).filter_map(move |i| {
-            let near = (self.columns[i] - pixel.x).abs() <= radius_px;
-            near.then(|| {
-                (
-                    self.keypoints[i],
-                    Vector2::new(self.columns[i], self.rows[i]),
-                )
+        let reach = Vector2::repeat(radius_px);
+        let [left, top] = self.grid.cell(&(pixel - reach));
+        let [right, bottom] = self.grid.cell(&(pixel + reach));
+        (top..=bottom)
+            .flat_map(move |row| {
+                let row = row * self.grid.columns;
+                &self.keypoints[self.starts[row + left]..self.starts[row + right + 1]]
             })
-        })
+            .filter(move |(_, p)| (p - pixel).amax() <= radius_px)
+            .copied()
     }
 }
 
@@ -84,5 +135,9 @@ mod tests {
             assert_eq!(found, expected, "{radius}");
         }
         assert_eq!(nearby.around(Vector2::zeros(), f64::NAN).count(), 0);
+        let nothing = Nearby::new(&[None, Some(Vector2::repeat(f64::NAN))]);
+        assert_eq!(nothing.around(Vector2::zeros(), f64::INFINITY).count(), 0);
+        let one = Nearby::new(&[None, Some(Vector2::new(1e300, -3.0))]);
+        assert_eq!(one.around(Vector2::zeros(), f64::INFINITY).count(), 1);
     }
 }

@@ -1,11 +1,9 @@
 //! The landmarks that the reference particle predicts in view.
 
-use std::collections::BTreeMap;
-
 use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::catalogue::{Catalogue, Stage};
+use super::catalogue::{Catalogue, Entry, Stage};
 use crate::filter::landmark::Landmark;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior};
 use crate::filter::motion::MotionPrior;
@@ -15,7 +13,9 @@ use crate::rig::Rig;
 
 /// A landmark predicted in view.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Predicted {
+pub(crate) struct Predicted<'a> {
+    /// The landmark as all particles share it.
+    pub(crate) entry: &'a Entry,
     /// Predicted ideal pixel.
     pub(crate) pixel: Vector2<f64>,
     /// Innovation covariance.
@@ -28,7 +28,39 @@ pub(crate) struct Predicted {
     pub(crate) prototype: Option<Landmark>,
 }
 
-impl Predicted {
+/// The landmarks in view, in order of id.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct InView<'a> {
+    landmarks: Vec<(u32, Predicted<'a>)>,
+}
+
+impl<'a> InView<'a> {
+    /// Number of landmarks.
+    #[must_use]
+    pub(crate) fn len(&self) -> usize {
+        self.landmarks.len()
+    }
+
+    /// Ids and predictions, in order of id.
+    #[must_use]
+    pub(crate) fn landmarks(&self) -> &[(u32, Predicted<'a>)] {
+        &self.landmarks
+    }
+
+    /// The place of `id` among them. O(log n).
+    #[must_use]
+    pub(crate) fn position(&self, id: u32) -> Option<usize> {
+        self.landmarks.binary_search_by_key(&id, |l| l.0).ok()
+    }
+
+    /// The prediction of `id`. O(log n).
+    #[must_use]
+    pub(crate) fn get(&self, id: u32) -> Option<&Predicted<'a>> {
+        Some(&self.landmarks[self.position(id)?].1)
+    }
+}
+
+impl Predicted<'_> {
     /// The landmark in the reference particle with the measurement of `feature`.
     #[must_use]
     pub(crate) fn measured(&self, feature: &MatchedFeature) -> Prepared {
@@ -65,16 +97,16 @@ impl Predicted {
 ///
 /// The innovation covariance holds the pose prior, the landmark and a pixel noise of `sigma_px`.
 #[must_use]
-pub(crate) fn predict(
+pub(crate) fn predict<'a>(
     rig: &Rig,
-    catalogue: &Catalogue,
+    catalogue: &'a Catalogue,
     reference: &Particle,
     prior: &MotionPrior,
     sigma_px: f64,
-) -> BTreeMap<u32, Predicted> {
+) -> InView<'a> {
     let image_size = rig.image_size_px();
     let linearisation = PoseLinearisation::new(rig, prior, &PosePosterior::prior());
-    let mut in_view = BTreeMap::new();
+    let mut landmarks = Vec::new();
     for (id, entry) in catalogue.iter() {
         let landmark = match entry.stage {
             Stage::Mapped => reference.map.get(id),
@@ -113,16 +145,17 @@ pub(crate) fn predict(
         }
         let ray = geometry.ray(&landmark.mean);
         let direction = ray.base + (ray.origin - prior.mean.centre) * ray.rate;
-        in_view.insert(
+        landmarks.push((
             id,
             Predicted {
+                entry,
                 pixel: p,
                 covariance: line.innovation(),
                 direction: direction / direction.norm().max(f64::MIN_POSITIVE),
                 prepared,
                 prototype: (entry.stage == Stage::Tentative).then_some(*landmark),
             },
-        );
+        ));
     }
-    in_view
+    InView { landmarks }
 }

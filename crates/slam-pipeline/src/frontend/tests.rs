@@ -285,7 +285,7 @@ fn scene(seed: u64) -> Scene {
     }
 }
 
-fn matched(scene: &Scene) -> Association {
+fn matched(scene: &Scene) -> Association<'_> {
     let params = AssociationParams {
         ratio: 0.7,
         gate: Gate { limit: 13.8 },
@@ -307,7 +307,7 @@ fn matched(scene: &Scene) -> Association {
     )
 }
 
-fn pairs(association: &Association) -> Vec<(u32, usize)> {
+fn pairs(association: &Association<'_>) -> Vec<(u32, usize)> {
     association
         .inliers
         .iter()
@@ -318,12 +318,13 @@ fn pairs(association: &Association) -> Vec<(u32, usize)> {
 #[test]
 fn distinct_descriptors_are_all_matched() {
     for seed in 0..5 {
-        let association = matched(&scene(seed));
+        let scene = scene(seed);
+        let association = matched(&scene);
         let expected: Vec<(u32, usize)> = (0..40_u32).map(|i| (i, i as usize)).collect();
         assert_eq!(pairs(&association), expected, "seed {seed}");
         assert_eq!(association.in_view.len(), 40);
         // The heading is known from forty matches better than from the odometry.
-        let sigma = association.posterior.pose_covariance(&scene(seed).prior)[(3, 3)].sqrt();
+        let sigma = association.posterior.pose_covariance(&scene.prior)[(3, 3)].sqrt();
         assert!(sigma < 0.012 / 3.0, "{sigma:e}");
     }
 }
@@ -333,7 +334,7 @@ fn planted_wrong_match_passes_the_gate_and_not_the_consensus() {
     for seed in 0..5 {
         let mut scene = scene(10 + seed);
         let honest = matched(&scene);
-        let predicted = honest.in_view[&7].pixel;
+        let predicted = honest.in_view.get(7).unwrap().pixel;
         // Two predicted deviations the other way: within the gate of a prior of 0.012 rad (4 px), far from
         // what the others agree on.
         let true_pixel = scene.features.keypoints[7];
@@ -396,7 +397,7 @@ fn landmarks_out_of_view_are_not_candidates() {
         .insert(4, point(behind, Matrix3::from_diagonal_element(1e-6)));
     let _ = scene.particle.map.remove(5);
     let association = matched(&scene);
-    assert!(!association.in_view.contains_key(&4) && !association.in_view.contains_key(&5));
+    assert!(association.in_view.get(4).is_none() && association.in_view.get(5).is_none());
     assert_eq!(association.inliers.len(), 38);
 }
 

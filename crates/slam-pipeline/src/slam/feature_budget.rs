@@ -8,7 +8,7 @@ use crate::frontend::frame::FrameFeatures;
 /// Indices of at most `limit` keypoints that the association did not use, the strongest first.
 pub(crate) fn strongest_unused(
     frame: &FrameFeatures<'_>,
-    association: &Association,
+    association: &Association<'_>,
     limit: usize,
 ) -> Vec<usize> {
     let taken: BTreeSet<usize> = association

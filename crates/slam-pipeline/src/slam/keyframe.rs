@@ -43,7 +43,7 @@ pub(super) struct Seen<'a> {
     pub(super) reference: Particle,
     pub(super) prior: MotionPrior,
     pub(super) control: Control,
-    pub(super) association: Association,
+    pub(super) association: Association<'a>,
 }
 
 impl Slam {
@@ -54,7 +54,7 @@ impl Slam {
         observer: &mut dyn StageObserver,
     ) -> Result<PlannedKeyframe, SlamError> {
         let state = &self.state;
-        let missed = missed_landmarks(&state.catalogue, &seen.association);
+        let missed = missed_landmarks(&seen.association);
         let removed: Vec<u32> = missed
             .iter()
             .copied()
@@ -181,7 +181,7 @@ impl Slam {
                 let landmark = seen.reference.map.get(m.id).or(m.prototype.as_ref())?;
                 Some((
                     landmark.anchor()?,
-                    seen.association.in_view.get(&m.id)?.measured(m),
+                    seen.association.in_view.get(m.id)?.measured(m),
                 ))
             })
             .collect();
@@ -198,7 +198,7 @@ impl Slam {
     }
 
     /// Tentative features matched now whose two views have parallax enough in the reference particle.
-    fn ready_for_two_views(&self, association: &Association) -> Vec<Initialisation> {
+    fn ready_for_two_views(&self, association: &Association<'_>) -> Vec<Initialisation> {
         let LandmarkStart::TwoViews { min_parallax } = self.policies.landmark_start else {
             return Vec::new();
         };
@@ -207,7 +207,7 @@ impl Slam {
             .iter()
             .filter_map(|pair| {
                 let entry = self.state.catalogue.get(pair.feature.id)?;
-                let predicted = association.in_view.get(&pair.feature.id)?;
+                let predicted = association.in_view.get(pair.feature.id)?;
                 (entry.stage == catalogue::Stage::Tentative
                     && predicted.parallax(
                         &pair.feature.pixel,
@@ -248,7 +248,7 @@ impl Slam {
                 direction: seen
                     .association
                     .in_view
-                    .get(&pair.feature.id)
+                    .get(pair.feature.id)
                     .map_or_else(Vector3::zeros, |p| p.direction),
             })
             .collect()

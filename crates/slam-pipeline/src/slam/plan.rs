@@ -133,7 +133,7 @@ impl Slam {
         &self,
         reference: &Particle,
         control: &Control,
-        association: &Association,
+        association: &Association<'_>,
     ) -> KeyframeCues {
         let state = &self.state;
         KeyframeCues {
@@ -158,7 +158,7 @@ impl Slam {
 fn parallax_px(
     catalogue: &Catalogue,
     next_keyframe: u32,
-    association: &Association,
+    association: &Association<'_>,
     last: &PlacedCamera,
     pinhole: &Pinhole,
 ) -> Vec<f64> {
@@ -178,12 +178,12 @@ fn parallax_px(
         .collect()
 }
 
-fn mean_nis(association: &Association) -> Option<f64> {
+fn mean_nis(association: &Association<'_>) -> Option<f64> {
     let n = association.inliers.len();
     (n > 0).then(|| association.inliers.iter().map(|p| p.nis).sum::<f64>() / (2 * n) as f64)
 }
 
-fn keypoint_reports(count: usize, association: &Association) -> Vec<KeypointReport> {
+fn keypoint_reports(count: usize, association: &Association<'_>) -> Vec<KeypointReport> {
     let unused = KeypointReport {
         fate: KeypointFate::Unused,
         landmark: None,
