@@ -9,6 +9,7 @@
 mod batch_command;
 mod calibration_files;
 mod commands;
+mod contradictions;
 mod fixtures;
 mod recorded_board;
 mod refinement;
