@@ -1,7 +1,7 @@
 //! The words of a run on its inputs: whatever was seen in them that a user should know before believing the result.
 
 use mono_geometry::Se2;
-use mono_geometry::motion::OdometrySample;
+use mono_geometry::motion::{OdometrySample, held_between};
 use motion_consistency::{Finding, FramePair, check_motion, check_path};
 use slam_io::{FrameRecord, Sequence, Warning};
 use slam_pipeline::Rig;
@@ -14,7 +14,7 @@ const FEW_KEYPOINTS: usize = 20;
 const FEW_MATCHES: usize = 5;
 /// Share of the frames that may lack either without a word.
 const LACKING_SHARE: f64 = 0.25;
-/// Matches that a keyframe needs to hold the path against odometry.
+/// Matches that a frame needs for its pose to be held against odometry.
 const PATH_MATCHES: usize = 10;
 
 /// The reference against the frames, to be told before the run.
@@ -91,18 +91,84 @@ pub(crate) fn of_run(
     path: &[Se2],
 ) -> Vec<Warning> {
     let mut warnings = nothing_seen(frames);
+    let seen: Vec<(f64, Se2)> = frames
+        .iter()
+        .zip(path)
+        .filter(|(frame, _)| frame.report.matches >= PATH_MATCHES)
+        .map(|(frame, pose)| (frame.time_s, *pose))
+        .collect();
+    let corrected = check_path(&seen, odometry);
     let mut findings = check_motion(pairs, odometry, rig.camera.pinhole(), &rig.mount);
+    // Turns that come too early or too late look like turns of another size, and distances like a slip.
+    let late = corrected
+        .iter()
+        .any(|finding| matches!(finding, Finding::ClockOffset { .. }));
+    if late {
+        findings.retain(|finding| {
+            !matches!(
+                finding,
+                Finding::TurnRatio { .. }
+                    | Finding::TurnUnrelated { .. }
+                    | Finding::WheelSlip { .. }
+            )
+        });
+    }
     if findings.is_empty() {
-        let anchored: Vec<(f64, Se2)> = frames
-            .iter()
-            .zip(path)
-            .filter(|(frame, _)| frame.report.keyframe && frame.report.matches >= PATH_MATCHES)
-            .map(|(frame, pose)| (frame.time_s, *pose))
-            .collect();
-        findings = check_path(&anchored, odometry);
+        findings = corrected;
+    }
+    if let Some(slip) = slip(odometry, frames) {
+        findings.retain(|finding| !matches!(finding, Finding::WheelSlip { .. }));
+        warnings.push(slip);
     }
     warnings.extend(findings.iter().map(told));
     warnings
+}
+
+/// The span in which the filter doubted its odometry for the most metres.
+fn slip(odometry: &[OdometrySample], frames: &[FrameRecord]) -> Option<Warning> {
+    let doubted: Vec<usize> = (1..frames.len())
+        .filter(|&i| frames[i].report.odometry_doubted)
+        .collect();
+    let mut spans: Vec<(usize, usize)> = Vec::new();
+    for &index in &doubted {
+        match spans.last_mut() {
+            Some((_, last)) if index <= *last + 2 => *last = index,
+            _ => spans.push((index - 1, index)),
+        }
+    }
+    let driven = |&(first, last): &(usize, usize)| {
+        let wheels_m: f64 = held_between(odometry, frames[first].time_s, frames[last].time_s)
+            .iter()
+            .map(|(row, duration_s)| (row.v_mps * duration_s).abs())
+            .sum();
+        let path_m: f64 = frames[first..=last]
+            .windows(2)
+            .map(|two| {
+                let step = two[0]
+                    .report
+                    .estimate
+                    .pose
+                    .between(&two[1].report.estimate.pose);
+                step.x.hypot(step.y)
+            })
+            .sum();
+        (wheels_m, path_m)
+    };
+    let (span, (wheels_m, path_m)) = spans
+        .iter()
+        .map(|span| (span, driven(span)))
+        .max_by(|(_, a), (_, b)| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()))?;
+    Some(Warning::new(
+        "wheel-slip",
+        format!(
+            "From {:.2} to {:.2} s the odometry drives {wheels_m:.2} m, the robot {path_m:.2} m by what it sees: the wheels slip \
+             there, or speed or turn rate are wrong (the odometry was doubted in {} of {} frames).",
+            frames[span.0].time_s,
+            frames[span.1].time_s,
+            doubted.len(),
+            frames.len()
+        ),
+    ))
 }
 
 fn told(finding: &Finding) -> Warning {

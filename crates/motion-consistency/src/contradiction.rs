@@ -33,6 +33,8 @@ const MIN_PAIRS: usize = 3;
 const GAIN_OVER_LOSS: f64 = 4.0;
 /// Share of the pairs that must tell the two hypotheses apart.
 const MIN_PAIRS_SHARE: f64 = 0.2;
+/// Free turns must agree better than any other contradiction by this.
+const UNRELATED_MARGIN: f64 = 0.1;
 /// A speed this many times the stated one is tried.
 const LARGER: f64 = 100.0;
 /// A hypothesis of a later rank must agree better by this.
@@ -87,10 +89,13 @@ pub(crate) fn contradiction(
             });
         }
     }
-    search
-        .best
-        .map(|(finding, _)| finding)
-        .or_else(|| unrelated(&tables, &stated))
+    match (search.best, unrelated(&tables, &stated)) {
+        (Some((_, before)), Some((unrelated, mean))) if mean > before + UNRELATED_MARGIN => {
+            Some(unrelated)
+        }
+        (Some((finding, _)), _) => Some(finding),
+        (None, unrelated) => unrelated.map(|(finding, _)| finding),
+    }
 }
 
 /// The best contradiction so far, with its mean agreement over all pairs.
@@ -143,17 +148,17 @@ impl Search<'_> {
     }
 }
 
-/// Turns of the images that are no multiple of the odometry's.
-fn unrelated(tables: &Tables<'_>, stated: &[f64]) -> Option<Finding> {
+/// Turns of the images that are no multiple of the odometry's, and their mean agreement.
+fn unrelated(tables: &Tables<'_>, stated: &[f64]) -> Option<(Finding, f64)> {
     let free: Vec<(f64, f64)> = tables.by_direction[0].iter().map(Agreement::best).collect();
     let scores: Vec<f64> = free.iter().map(|f| f.1).collect();
-    let (support, _) = support(stated, &scores)?;
+    let (support, mean_agreement) = support(stated, &scores)?;
     // A free turn fits every pair at least as well: most of them must tell, and clearly.
     if 2 * support.pairs <= stated.len() || support.stated >= 0.5 * support.found {
         return None;
     }
     let rms = |squares: Vec<f64>| mean(&squares).sqrt();
-    Some(Finding::TurnUnrelated {
+    let finding = Finding::TurnUnrelated {
         images_rad: rms(free.iter().map(|f| f.0 * f.0).collect()),
         odometry_rad: rms(tables
             .claims
@@ -161,7 +166,8 @@ fn unrelated(tables: &Tables<'_>, stated: &[f64]) -> Option<Finding> {
             .map(|c| c.turn_rad * c.turn_rad)
             .collect()),
         support,
-    })
+    };
+    Some((finding, mean_agreement))
 }
 
 /// Agreement of every pair, by direction of travel.

@@ -9,7 +9,10 @@ use mono_geometry::motion::OdometrySample;
 use crate::finding::Finding;
 use crate::pair::Claim;
 
-/// Intervals needed for a statement on turns.
+/// Length of the pieces of the path, seconds: short ones see when a turn comes, long ones how large it is.
+const CLOCK_INTERVAL_S: f64 = 0.3;
+const RATIO_INTERVAL_S: f64 = 1.0;
+/// Pieces needed for a statement on turns.
 const MIN_INTERVALS: usize = 8;
 /// Turn needed for a statement on the ratio of the turns, radians.
 const MIN_TURNED_RAD: f64 = 1.0;
@@ -39,31 +42,39 @@ struct Interval {
     claim: Claim,
 }
 
-/// The contradictions between `path`, poses in order of time at which images were used, and `odometry`; empty where they fit.
+/// The contradiction between `path`, poses in order of time that images were used for, and `odometry`; empty where they fit.
 ///
 /// Poses that were only carried on by odometry do not belong into `path`: they agree with it. O(path (log rows + rows of an
 /// interval)), times 200 for the clocks.
 #[must_use]
 pub fn check_path(path: &[(f64, Se2)], odometry: &[OdometrySample]) -> Vec<Finding> {
-    let intervals: Vec<Interval> = path
-        .windows(2)
-        .filter(|ends| ends[1].0 > ends[0].0)
-        .map(|ends| {
-            let between = ends[0].1.inverse().compose(&ends[1].1);
-            Interval {
-                from_s: ends[0].0,
-                to_s: ends[1].0,
-                turn_rad: between.phi,
-                claim: Claim::of(odometry, ends[0].0, ends[1].0),
-            }
-        })
-        .collect();
-    let mut findings = Vec::new();
-    match clock_offset(&intervals, odometry) {
-        Some(offset) => findings.push(offset),
-        None => findings.extend(turn_ratio(&intervals)),
+    match clock_offset(&intervals(path, odometry, CLOCK_INTERVAL_S), odometry) {
+        Some(offset) => vec![offset],
+        None => turn_ratio(&intervals(path, odometry, RATIO_INTERVAL_S))
+            .into_iter()
+            .collect(),
     }
-    findings
+}
+
+/// The path cut into pieces of at least `least_s` seconds.
+fn intervals(path: &[(f64, Se2)], odometry: &[OdometrySample], least_s: f64) -> Vec<Interval> {
+    let mut cut: Vec<(f64, Se2)> = Vec::new();
+    for &(t_s, pose) in path {
+        if cut
+            .last()
+            .is_none_or(|&(before_s, _)| t_s >= before_s + least_s)
+        {
+            cut.push((t_s, pose));
+        }
+    }
+    cut.windows(2)
+        .map(|ends| Interval {
+            from_s: ends[0].0,
+            to_s: ends[1].0,
+            turn_rad: ends[0].1.between(&ends[1].1).phi,
+            claim: Claim::of(odometry, ends[0].0, ends[1].0),
+        })
+        .collect()
 }
 
 /// The slope of the path's turns over the odometry's, where it is not 1.

@@ -66,6 +66,9 @@ pub(crate) struct Report {
     resampled: bool,
     es_acceptance: Option<f64>,
     nis: Option<f64>,
+    /// Absent in files of earlier versions.
+    #[serde(default)]
+    odometry_doubted: bool,
     #[serde(skip)]
     keypoints: Vec<KeypointReport>,
     notes: Vec<String>,

@@ -34,6 +34,29 @@ pub struct Control {
     pub distance_m: f64,
 }
 
+/// Standard deviations of a motion whose odometry is in doubt, as shares of the distance and of the turn, and radians.
+const DOUBTED_FORWARD_SHARE: f64 = 0.5;
+const DOUBTED_SIDEWAYS_SHARE: f64 = 0.1;
+const DOUBTED_TURN_SHARE: f64 = 0.25;
+const DOUBTED_TURN_RAD: f64 = 0.02;
+
+impl Control {
+    /// The same motion, known only as well as that of wheels that may slip.
+    #[must_use]
+    pub(crate) fn doubted(&self) -> Self {
+        let turn = DOUBTED_TURN_RAD + DOUBTED_TURN_SHARE * self.increment.phi.abs();
+        let slip = Matrix3::from_diagonal(&Vector3::new(
+            (DOUBTED_FORWARD_SHARE * self.distance_m).powi(2),
+            (DOUBTED_SIDEWAYS_SHARE * self.distance_m).powi(2),
+            turn * turn,
+        ));
+        Self {
+            covariance: self.covariance + slip,
+            ..*self
+        }
+    }
+}
+
 /// Accumulates intervals since the last filter step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Odometer {

@@ -214,3 +214,26 @@ fn regress_a_reference_of_some_frames_says_of_how_many() {
         "{summary}"
     );
 }
+
+#[test]
+fn regress_wheels_that_slip_do_not_take_the_robot_along() {
+    let wall = Wall::new("spin");
+    wall.odometry(|t, v, w| (t, if (2.0..3.5).contains(&t) { 3.0 * v } else { v }, w));
+    assert!(wall.warnings().contains(&"wheel-slip".to_owned()));
+    let summary = fs::read_to_string(wall.0.join("out/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let rmse_m = |path: &str| {
+        summary["figures"]["errors"][path]["none"]["position_m"]["rmse"]
+            .as_f64()
+            .unwrap()
+    };
+    // The wheels spin 0.3 m away; the images know where the wall is.
+    assert!(
+        rmse_m("dead_reckoning") > 0.2,
+        "{}",
+        rmse_m("dead_reckoning")
+    );
+    assert!(rmse_m("filtered") < 0.03, "{}", rmse_m("filtered"));
+    let frames = fs::read_to_string(wall.0.join("out/frames.csv")).unwrap();
+    assert!(frames.contains("odometry in doubt"));
+}

@@ -10,11 +10,13 @@ use super::{
     FrameInput, FrameReport, KeypointFate, KeypointReport, PoseEstimate, Slam, SlamError, Stage,
     StageObserver,
 };
+use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
 use crate::frontend::associate::associate;
 use crate::frontend::association::{Association, Pair};
 use crate::frontend::catalogue::Catalogue;
 use crate::frontend::frame::FrameFeatures;
+use crate::method::CarrierFreedom;
 use crate::odometry::{Control, Odometer};
 
 /// The outcome of a frame, not yet part of the state.
@@ -35,6 +37,12 @@ pub(super) enum PlannedStep {
     /// A filter step.
     Keyframe(Box<PlannedKeyframe>),
 }
+
+/// The odometry is doubted when matches fall below the last keyframe's divided by this, and that many times as many are found
+/// without it.
+const DOUBT_GAIN: usize = 2;
+/// Matches at the last keyframe from which the fall of their number says something.
+const LEAST_EXPECTED: usize = 40;
 
 impl Slam {
     pub(super) fn plan(
@@ -59,20 +67,20 @@ impl Slam {
         for interval in input.odometry {
             odometer.push(interval)?;
         }
-        let control = odometer.control();
+        let mut control = odometer.control();
         let frame = FrameFeatures::new(input.features, &self.rig.camera);
         let reference = state.filter.set().particles()[state.filter.set().best()].clone();
-        let prior = self
-            .carrier()
-            .prior(&self.rig.lever_m(), &reference.departure(), &control);
-        let association = associate(
-            &self.rig,
-            &frame,
-            &state.catalogue,
-            &reference,
-            &prior,
-            &self.association,
-        );
+        let (mut prior, mut association) = self.look(&frame, &reference, &control);
+        let mut doubted = false;
+        if association.inliers.len() < self.expected_matches() {
+            let wide = control.doubted();
+            let (wide_prior, second) = self.look(&frame, &reference, &wide);
+            if second.inliers.len() > DOUBT_GAIN * association.inliers.len().max(LEAST_EXPECTED / 4)
+            {
+                doubted = true;
+                (control, prior, association) = (wide, wide_prior, second);
+            }
+        }
         let keyframe = state.frame == 0
             || self
                 .keyframes
@@ -89,11 +97,17 @@ impl Slam {
             resampled: false,
             es_acceptance: None,
             nis: mean_nis(&association),
+            odometry_doubted: doubted,
             keypoints: keypoint_reports(keypoints, &association),
             notes: Vec::new(),
         };
         if association.inliers.is_empty() && state.frame > 0 {
             report.notes.push("no match: odometry only".to_owned());
+        }
+        if doubted {
+            report
+                .notes
+                .push("odometry in doubt: the matches lie beside it".to_owned());
         }
         let seen = Seen {
             frame,
@@ -127,6 +141,36 @@ impl Slam {
             report,
             step,
         })
+    }
+
+    /// The frame seen from `reference` after `control`.
+    fn look(
+        &self,
+        frame: &FrameFeatures<'_>,
+        reference: &Particle,
+        control: &Control,
+    ) -> (MotionPrior, Association<'_>) {
+        let prior = self
+            .carrier()
+            .prior(&self.rig.lever_m(), &reference.departure(), control);
+        let association = associate(
+            &self.rig,
+            frame,
+            &self.state.catalogue,
+            reference,
+            &prior,
+            &self.association,
+        );
+        (prior, association)
+    }
+
+    /// Fewer matches than this are a reason to doubt the odometry; 0 where few were to be expected.
+    fn expected_matches(&self) -> usize {
+        let before = self.state.matches_at_keyframe;
+        if before < LEAST_EXPECTED || self.policies.carrier == CarrierFreedom::Planar {
+            return 0;
+        }
+        before / DOUBT_GAIN
     }
 
     fn keyframe_cues(

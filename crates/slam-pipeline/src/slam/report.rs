@@ -75,6 +75,8 @@ pub struct FrameReport {
     pub es_acceptance: Option<f64>,
     /// Mean normalised innovation squared per degree of freedom; `None` without matches.
     pub nis: Option<f64>,
+    /// Whether the odometry since the last keyframe was taken for that of slipping wheels, because the matches lay beside it.
+    pub odometry_doubted: bool,
     /// One entry a keypoint, in the order of the features.
     pub keypoints: Vec<KeypointReport>,
     /// Remarks on what was unusual; empty for an ordinary frame.

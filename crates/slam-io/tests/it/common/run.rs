@@ -63,6 +63,7 @@ pub(crate) fn small_run() -> RunRecord {
                     } else {
                         Vec::new()
                     },
+                    odometry_doubted: false,
                     keypoints: Vec::new(),
                 },
                 times: StageTimes {
