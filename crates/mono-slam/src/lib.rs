@@ -33,6 +33,7 @@ mod run_error;
 pub mod smooth;
 mod stopwatch;
 pub mod warnings;
+pub mod without_odometry;
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

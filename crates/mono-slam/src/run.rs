@@ -4,7 +4,8 @@ use mono_geometry::motion::{OdometrySample, exact_arc};
 use mono_geometry::{Camera, Se2};
 use slam_batch::Recording;
 use slam_io::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, Sequence, StageTimes, configuration,
+    DrawnKeypoint, FrameRecord, FrameSnapshot, OdometrySource, RunRecord, RunScale, Sequence,
+    StageTimes, configuration,
 };
 use slam_pipeline::config::ValidConfig;
 use slam_pipeline::{FrameInput, FrameReport, KeypointReport, Rig, Slam, SlamError, detector_of};
@@ -16,6 +17,7 @@ pub use crate::run_error::RunError;
 use crate::smooth::{odometry_before, smoothed, track_rows};
 use crate::stopwatch::{Clock, Lap, StageClock};
 use crate::warnings;
+use crate::without_odometry::{self, expected};
 
 /// Frames kept for the picture strip.
 const SNAPSHOTS: usize = 8;
@@ -68,6 +70,8 @@ fn run_in_pool(
     let mut pairs = PairCollector::new(count);
     let mut frames = Vec::with_capacity(count);
     let mut snapshots = Vec::new();
+    let measured = sequence.odometry_source != OdometrySource::None;
+    let mut predictions = Vec::new();
     let mut wheels = Se2::identity();
     let mut dead_reckoning = Vec::with_capacity(count);
     let mut ahead = detector.detect(0);
@@ -79,11 +83,19 @@ fn run_in_pool(
             features_ms,
         } = detected?;
         let index = frames.len();
-        let odometry = odometry_before(sequence, index);
-        for o in &odometry {
-            wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
+        let odometry = if measured {
+            odometry_before(sequence, index)
+        } else {
+            let expected = expected(&slam.smoothed_path(), &sequence.times_s);
+            predictions.extend(expected);
+            expected.into_iter().collect()
+        };
+        if measured {
+            for o in &odometry {
+                wheels = wheels.compose(&exact_arc(o.v_mps, o.omega_radps, o.duration_s));
+            }
+            dead_reckoning.push(wheels);
         }
-        dead_reckoning.push(wheels);
         let input = FrameInput {
             features: &features,
             odometry: &odometry,
@@ -140,6 +152,12 @@ fn run_in_pool(
     Ok(RunRecord {
         sequence: sequence.name.clone(),
         warnings,
+        scale: if measured {
+            RunScale::Metric
+        } else {
+            RunScale::Arbitrary
+        },
+        predicted: without_odometry::rows(&predictions, &sequence.times_s),
         frames,
         smoothed,
         smoother: Some(smoother),

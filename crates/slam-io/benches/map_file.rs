@@ -12,6 +12,8 @@ fn run(landmarks: u32) -> RunRecord {
     RunRecord {
         sequence: "bench".into(),
         warnings: Vec::new(),
+        scale: slam_io::RunScale::Metric,
+        predicted: Vec::new(),
         frames: Vec::new(),
         smoothed: Vec::new(),
         smoother: None,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use slam_pipeline::MapLandmark;
 use trajectory_eval::{Alignment, Statistics, absolute_error, relative_error, spatial};
 
-use crate::record::{FrameRecord, RunRecord, StageTimes};
+use crate::record::{FrameRecord, RunRecord, RunScale, StageTimes};
 
 /// Figures of one path against the reference.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -71,8 +71,8 @@ pub struct RunFigures {
     pub wall_s: f64,
     /// Frames per second of wall time; `None` when no time was measured.
     pub frames_per_s: Option<f64>,
-    /// Errors by path (`filtered`, `smoothed`, `dead_reckoning`) and alignment (`none`, `se2`);
-    /// empty without a reference.
+    /// Errors by path (`filtered`, `smoothed`, `dead_reckoning`) and alignment (`none`, `se2`; `sim2` alone for a run
+    /// whose scale is arbitrary); empty without a reference.
     pub errors: BTreeMap<&'static str, BTreeMap<&'static str, PathFigures>>,
 }
 
@@ -165,6 +165,10 @@ fn errors(run: &RunRecord) -> BTreeMap<&'static str, BTreeMap<&'static str, Path
     let Some(reference) = &run.reference else {
         return BTreeMap::new();
     };
+    let alignments: &[(&str, Alignment)] = match run.scale {
+        RunScale::Metric => &[("none", Alignment::None), ("se2", Alignment::Se2)],
+        RunScale::Arbitrary => &[("sim2", Alignment::Sim2)],
+    };
     let times = run.frames.iter().map(|frame| frame.time_s);
     let filtered: Vec<_> = run
         .frames
@@ -179,9 +183,9 @@ fn errors(run: &RunRecord) -> BTreeMap<&'static str, BTreeMap<&'static str, Path
     ]
     .into_iter()
     .map(|(name, path)| {
-        let by_alignment = [("none", Alignment::None), ("se2", Alignment::Se2)]
-            .into_iter()
-            .filter_map(|(label, alignment)| {
+        let by_alignment = alignments
+            .iter()
+            .filter_map(|&(label, alignment)| {
                 Some((label, path_figures(path, reference, alignment)?))
             })
             .collect();

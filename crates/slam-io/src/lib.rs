@@ -56,12 +56,12 @@ pub use output::{
     OutputError, covariance_csv, read_map, read_run, tum_text, write_file, write_files, write_run,
 };
 pub use record::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
-    TrackRow,
+    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, RunScale, SmootherRecord,
+    StageTimes, TrackRow,
 };
 pub use sequence::{
-    Odometry, OdometryRow, OdometrySource, OpenOptions, Part, Sequence, SequenceFormat, Survey,
-    read_run_inputs,
+    Odometry, OdometryChoice, OdometryRow, OdometrySource, OpenOptions, Part, Sequence,
+    SequenceFormat, Survey, odometry_csv, read_run_inputs,
 };
 pub use tum::read_tum;
 pub use warning::Warning;

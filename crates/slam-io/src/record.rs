@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use slam_pipeline::{FrameReport, KeypointFate, MapLandmark};
 
 use crate::disk;
+use crate::sequence::OdometryRow;
 use crate::warning::Warning;
 
 /// Wall time of one frame, stage by stage, in milliseconds.
@@ -119,6 +120,17 @@ pub struct SmootherRecord {
     pub constants: Vec<LearnedValue>,
 }
 
+/// The unit of length of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunScale {
+    /// A metre: odometry measured it.
+    #[default]
+    Metric,
+    /// Anything: the images alone tell no length. Everything that is said in metres is in this unit.
+    Arbitrary,
+}
+
 /// Everything a finished run knows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunRecord {
@@ -126,6 +138,8 @@ pub struct RunRecord {
     pub sequence: String,
     /// Remarks on inputs that do not fit together: to be read before the result is believed.
     pub warnings: Vec<Warning>,
+    /// The unit of length of the poses and landmarks.
+    pub scale: RunScale,
     /// One entry a frame, in order.
     pub frames: Vec<FrameRecord>,
     /// Path that looks back over the whole run: (time in seconds, body pose).
@@ -136,7 +150,10 @@ pub struct RunRecord {
     pub tracks: Vec<TrackRow>,
     /// Final map of the best particle, in order of id.
     pub landmarks: Vec<MapLandmark>,
-    /// Body path of dead reckoning, one pose a frame.
+    /// Motions that the run expected in place of odometry, a row a frame but the last; empty where there was odometry.
+    /// [`read_run`](crate::read_run) does not bring them back: they are the `odometry.csv` beside the results.
+    pub predicted: Vec<OdometryRow>,
+    /// Body path of dead reckoning, one pose a frame; empty where there was no odometry.
     pub dead_reckoning: Vec<Se2>,
     /// Reference body path where the sequence has one: (time in seconds, pose).
     pub reference: Option<Vec<(f64, Se2)>>,

@@ -18,16 +18,25 @@
 //!
 //! Where both reference files exist the planar one is used: it already speaks of the body.
 
+mod columns;
+mod coverage;
 mod frames;
+mod ground_truth;
+mod gyro;
 mod look;
 mod native;
 mod odometry;
 mod options;
+mod poses;
 mod reference;
+mod robot;
 mod rows;
 mod stamps;
+mod stand_in;
+mod steering;
 mod survey;
 mod times;
+mod wheels;
 
 use std::path::{Path, PathBuf};
 
@@ -40,8 +49,8 @@ use crate::warning::Warning;
 use native::CAMERA;
 use odometry::ODOMETRY;
 
-pub use options::{OpenOptions, SequenceFormat};
-pub use rows::{Odometry, OdometryRow, OdometrySource};
+pub use options::{OdometryChoice, OpenOptions, SequenceFormat};
+pub use rows::{Odometry, OdometryRow, OdometrySource, odometry_csv};
 pub use survey::{Part, Survey};
 
 /// A checked sequence; pixels are read on demand.
@@ -90,6 +99,7 @@ impl Survey {
                 native::survey(path, format, options)
             }
         };
+        stand_in::fill_in(&mut survey, options);
         survey.name = folder_name(path);
         if let (Ok(images), Ok(camera)) = (&survey.images, &survey.camera) {
             survey.sizes = images.check_sizes(camera, &survey.camera_name);
@@ -160,7 +170,7 @@ impl Sequence {
         };
         let odometry = match &self.odometry_file {
             Some(path) => bytes(path)?,
-            None => odometry::odometry_csv(&self.odometry).into_bytes(),
+            None => odometry_csv(&self.odometry).into_bytes(),
         };
         Ok(vec![(CAMERA, camera), (ODOMETRY, odometry)])
     }
@@ -176,6 +186,12 @@ impl Sequence {
         self.images
             .check_size(index, width, height, &self.camera, &self.camera_name)?;
         Ok(image)
+    }
+
+    /// Stretches within the time of the images, (from, to) in seconds, in which a speed of the odometry is held for more
+    /// than five of its usual intervals: where rows are missing, and after the last one. O(rows).
+    pub fn odometry_holes(&self) -> Vec<(f64, f64)> {
+        coverage::holes(&self.odometry, &self.times_s)
     }
 
     /// Odometry between two times as (duration in s, v in m/s, omega in rad/s), in order.

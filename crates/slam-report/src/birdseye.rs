@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use mono_geometry::Se2;
-use slam_io::{RunRecord, uncertainty_m};
+use slam_io::{RunRecord, RunScale, uncertainty_m};
+use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use crate::card::card;
 use crate::plot::{Colour, Ellipse, Layer, Plot};
@@ -20,11 +21,15 @@ const STRAY_SHARE: f64 = 0.03;
 
 /// The section with the bird's-eye view.
 pub(super) fn section(run: &RunRecord) -> String {
-    let mut plot = Plot::new("Bird’s-eye view", "x (m)", "y (m)");
+    let reference = reference(run);
+    let mut plot = match run.scale {
+        RunScale::Metric => Plot::new("Bird’s-eye view", "x (m)", "y (m)"),
+        RunScale::Arbitrary => Plot::new("Bird’s-eye view", "x (units)", "y (units)"),
+    };
     plot.width = 1100.0;
     plot.equal_aspect = true;
     plot.font_size = 13.0;
-    let (x_range, y_range) = view(run);
+    let (x_range, y_range) = view(run, &reference);
     plot.x_range = Some(x_range);
     plot.y_range = Some(y_range);
 
@@ -40,13 +45,16 @@ pub(super) fn section(run: &RunRecord) -> String {
         plot.layers
             .push(Layer::dashed("dead reckoning", Colour::Orange, points));
     }
-    if let Some(reference) = &run.reference {
+    if !reference.is_empty() {
         plot.layers.push(Layer::Line {
-            label: "reference".into(),
+            label: match run.scale {
+                RunScale::Metric => "reference".into(),
+                RunScale::Arbitrary => "reference, turned and scaled".into(),
+            },
             colour: Colour::Green,
             width: 6.0,
             dashed: false,
-            points: path(&mut reference.iter().map(|entry| entry.1)),
+            points: reference,
         });
     }
     let magnified = ellipses(run, &mut plot, x_range);
@@ -197,19 +205,49 @@ fn ellipses(run: &RunRecord, plot: &mut Plot, x_range: (f64, f64)) -> f64 {
     magnified
 }
 
+/// The reference path as the map shows it; empty without one.
+///
+/// A run without a scale has no metres: the reference is brought to its unit by the similarity that fits best.
+fn reference(run: &RunRecord) -> Vec<(f64, f64)> {
+    let Some(reference) = &run.reference else {
+        return Vec::new();
+    };
+    if run.scale == RunScale::Metric {
+        return reference.iter().map(|(_, p)| (p.x, p.y)).collect();
+    }
+    let estimate: Vec<_> = run
+        .frames
+        .iter()
+        .map(|frame| (frame.time_s, frame.report.estimate.pose))
+        .collect();
+    let Ok(error) = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::Sim2)
+    else {
+        return Vec::new();
+    };
+    let estimate_from_reference = error.applied.reference_from_estimate.inverse();
+    reference
+        .iter()
+        .map(|(_, p)| {
+            let point = estimate_from_reference * nalgebra::Point3::new(p.x, p.y, 0.0);
+            (point.x / error.applied.scale, point.y / error.applied.scale)
+        })
+        .collect()
+}
+
 /// Ranges that hold every path and all but the stray landmarks.
-fn view(run: &RunRecord) -> ((f64, f64), (f64, f64)) {
+fn view(run: &RunRecord, reference: &[(f64, f64)]) -> ((f64, f64), (f64, f64)) {
     let poses = run
         .frames
         .iter()
         .map(|frame| frame.report.estimate.pose)
         .chain(run.dead_reckoning.iter().copied())
-        .chain(run.reference.iter().flatten().map(|entry| entry.1));
+        .map(|pose| (pose.x, pose.y))
+        .chain(reference.iter().copied());
     let mut x = (f64::INFINITY, f64::NEG_INFINITY);
     let mut y = x;
-    for pose in poses.filter(|pose| pose.x.is_finite() && pose.y.is_finite()) {
-        x = (x.0.min(pose.x), x.1.max(pose.x));
-        y = (y.0.min(pose.y), y.1.max(pose.y));
+    for point in poses.filter(|point| point.0.is_finite() && point.1.is_finite()) {
+        x = (x.0.min(point.0), x.1.max(point.0));
+        y = (y.0.min(point.1), y.1.max(point.1));
     }
     if !(x.0 <= x.1 && y.0 <= y.1) {
         return ((-1.0, 1.0), (-1.0, 1.0));

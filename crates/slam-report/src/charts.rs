@@ -2,7 +2,7 @@
 
 use mono_geometry::Se2;
 use nalgebra::Matrix3;
-use slam_io::{FrameRecord, RunRecord, StageTimes};
+use slam_io::{FrameRecord, RunRecord, RunScale, StageTimes};
 use trajectory_eval::{associate, spatial};
 
 use crate::card::card;
@@ -16,6 +16,10 @@ pub(super) fn error_section(run: &RunRecord) -> String {
     let Some(reference) = &run.reference else {
         return String::new();
     };
+    // Without a scale there is no difference of positions in metres.
+    if run.scale == RunScale::Arbitrary {
+        return String::new();
+    }
     let estimate: Vec<_> = run
         .frames
         .iter()

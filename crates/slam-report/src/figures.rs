@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use slam_io::{PathFigures, RunFigures, RunRecord, SmootherRecord};
+use slam_io::{PathFigures, RunFigures, RunRecord, RunScale, SmootherRecord};
 
 use crate::escape::escape;
 use crate::units::{angle, duration, length, three_digits};
@@ -13,7 +13,10 @@ pub(super) fn lead(run: &RunRecord, figures: &RunFigures) -> String {
         "{} frames over {} and {}, method <b>{}</b>, {} particles, seed {}.",
         figures.frames,
         duration(figures.duration_s),
-        length(figures.path_length_m),
+        match run.scale {
+            RunScale::Metric => length(figures.path_length_m),
+            RunScale::Arbitrary => "an unknown length (no scale)".to_owned(),
+        },
         escape(&run.method),
         run.particles,
         run.seed
@@ -23,7 +26,11 @@ pub(super) fn lead(run: &RunRecord, figures: &RunFigures) -> String {
 /// The key figures in cards.
 pub(super) fn cards(run: &RunRecord, figures: &RunFigures) -> String {
     let mut cards: Vec<(&str, String, String)> = Vec::new();
-    let unaligned = |path: &str| figures.errors.get(path).and_then(|by| by.get("none"));
+    let (alignment, said) = match run.scale {
+        RunScale::Metric => ("none", "no alignment"),
+        RunScale::Arbitrary => ("sim2", "after alignment with scale"),
+    };
+    let unaligned = |path: &str| figures.errors.get(path).and_then(|by| by.get(alignment));
     match unaligned("filtered") {
         Some(error) => {
             let gain = unaligned("dead_reckoning").map_or_else(String::new, |drift| {
@@ -32,10 +39,10 @@ pub(super) fn cards(run: &RunRecord, figures: &RunFigures) -> String {
             cards.push((
                 "Position error",
                 length(error.position_m.rmse),
-                format!("RMSE, no alignment{gain}"),
+                format!("RMSE, {said}{gain}"),
             ));
             let share = 100.0 * error.final_position_m / figures.path_length_m;
-            let of_path = if share.is_finite() {
+            let of_path = if share.is_finite() && run.scale == RunScale::Metric {
                 format!("{} % of the path", three_digits(share))
             } else {
                 String::new()
@@ -49,7 +56,10 @@ pub(super) fn cards(run: &RunRecord, figures: &RunFigures) -> String {
         }
         None => cards.push((
             "Path",
-            length(figures.path_length_m),
+            match run.scale {
+                RunScale::Metric => length(figures.path_length_m),
+                RunScale::Arbitrary => format!("{} units", three_digits(figures.path_length_m)),
+            },
             "no reference to compare with".into(),
         )),
     }
@@ -142,7 +152,7 @@ fn error_table(figures: &RunFigures) -> String {
         ("smoothed", "smoothed"),
         ("dead_reckoning", "dead reckoning"),
     ] {
-        for (label, alignment) in [("none", "none"), ("se2", "SE(2)")] {
+        for (label, alignment) in [("none", "none"), ("se2", "SE(2)"), ("sim2", "Sim(2)")] {
             if let Some(error) = figures.errors.get(path).and_then(|by| by.get(label)) {
                 html.push_str(&error_row(name, alignment, error));
             }

@@ -5,7 +5,8 @@
 //! largest eigenvalue of a symmetric 4x4 matrix built from the cross-covariance. It is
 //! always a proper rotation, equal to Umeyama's, and needs no singular value
 //! decomposition. The scale is `sum y_i' . R x_i' / sum |x_i'|^2` with centred points.
-//! In the plane (SE(2)) the angle has a closed form and height is left alone.
+//! In the plane (SE(2)) the angle has a closed form and height is left alone; with a scale (Sim(2)) the same angle serves and
+//! the scale is that of the planar coordinates.
 //!
 //! `Heading` turns the estimate about the first position `p` of the reference and does not move it: the sum
 //! `|y_i - p - R (x_i - p)|^2` is smallest at the angle `atan2(sum a_i x b_i, sum a_i . b_i)` of the planar offsets
@@ -13,7 +14,7 @@
 //! translation in secret.
 //!
 //! Positions on one line leave the rotation about it open: that is an error for SE(3) and
-//! Sim(3) and no problem for SE(2).
+//! Sim(3) and no problem for SE(2) and Sim(2).
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3};
 
@@ -89,7 +90,7 @@ fn align_positions(
         return Err(degenerate("they all coincide"));
     }
     let rotation = match alignment {
-        Alignment::Se2 => {
+        Alignment::Se2 | Alignment::Sim2 => {
             let (sin, cos) = (cross[(0, 1)] - cross[(1, 0)], cross[(0, 0)] + cross[(1, 1)]);
             if sin.hypot(cos) <= f64::EPSILON * (estimate_square * reference_square).sqrt() {
                 return Err(degenerate("they fix no direction in the plane"));
@@ -103,10 +104,18 @@ fn align_positions(
             (rotation.to_rotation_matrix().matrix().transpose() * cross.transpose()).trace()
                 / estimate_square
         }
+        Alignment::Sim2 => {
+            let (sin, cos) = (cross[(0, 1)] - cross[(1, 0)], cross[(0, 0)] + cross[(1, 1)]);
+            let planar: f64 = estimate
+                .iter()
+                .map(|x| (x - estimate_mean).xy().norm_squared())
+                .sum();
+            sin.hypot(cos) / planar
+        }
         _ => 1.0,
     };
     let mut translation = reference_mean - rotation * (estimate_mean * scale);
-    if alignment == Alignment::Se2 {
+    if matches!(alignment, Alignment::Se2 | Alignment::Sim2) {
         translation.z = 0.0;
     }
     Ok(Similarity {
@@ -224,6 +233,42 @@ mod tests {
             let neighbour = Isometry3::new(Vector3::from(shift), Vector3::from(turn)) * best;
             prop_assert!(cost(&best) <= cost(&neighbour) * (1.0 + 1e-12));
         }
+    }
+
+    /// A planar similarity is found again from a straight path, too, which leaves a turn in space open; and a mirrored path stays an error where a turn in space would lay it over.
+    #[test]
+    fn a_planar_similarity_needs_no_curve_and_turns_nothing_over() {
+        let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, 2.1);
+        let moved = |path: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
+            path.iter()
+                .map(|p| rotation * p * 0.3 + Vector3::new(7.0, -2.0, 0.0))
+                .collect()
+        };
+        let straight: Vec<Vector3<f64>> = (0..9)
+            .map(|k| Vector3::new(f64::from(k), 2.0 * f64::from(k), 0.0))
+            .collect();
+        let found = align_positions(&straight, &moved(&straight), Alignment::Sim2).unwrap();
+        assert!((found.scale - 0.3).abs() < 1e-14);
+        assert!(found.reference_from_estimate.rotation.angle_to(&rotation) < 1e-7);
+        assert!(align_positions(&straight, &moved(&straight), Alignment::Sim3).is_err());
+        let flat: Vec<Vector3<f64>> = curve()
+            .iter()
+            .map(|p| Vector3::new(p.x, p.y, 0.0))
+            .collect();
+        let mirrored: Vec<Vector3<f64>> =
+            flat.iter().map(|p| Vector3::new(p.x, -p.y, 0.0)).collect();
+        let left = |alignment| -> f64 {
+            let found = align_positions(&flat, &mirrored, alignment).unwrap();
+            flat.iter()
+                .zip(&mirrored)
+                .map(|(from, to)| {
+                    let aligned = found.apply(&Isometry3::translation(from.x, from.y, from.z));
+                    (aligned.translation.vector - to).norm_squared()
+                })
+                .sum()
+        };
+        let (planar, spatial) = (left(Alignment::Sim2), left(Alignment::Sim3));
+        assert!(planar > 1.0 && spatial < 1e-20, "{planar}, {spatial}");
     }
 
     fn summed_squares(motion: &Isometry3<f64>, from: &[Vector3<f64>], to: &[Vector3<f64>]) -> f64 {

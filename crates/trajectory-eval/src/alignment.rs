@@ -16,6 +16,10 @@ pub enum Alignment {
     Heading,
     /// Rotation about z and translation in the plane.
     Se2,
+    /// Rotation about z, translation in the plane and scale: for planar paths whose unit of length is arbitrary.
+    ///
+    /// It is determined by a straight path, too, and never turns a path over, as a rotation in space could.
+    Sim2,
     /// Rotation and translation.
     Se3,
     /// Rotation, translation and scale.
@@ -28,6 +32,7 @@ impl fmt::Display for Alignment {
             Alignment::None => "none",
             Alignment::Heading => "heading",
             Alignment::Se2 => "se2",
+            Alignment::Sim2 => "sim2",
             Alignment::Se3 => "se3",
             Alignment::Sim3 => "sim3",
         })
@@ -37,7 +42,7 @@ impl fmt::Display for Alignment {
 /// `x -> scale * R x + t`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Similarity {
-    /// Scale; one unless the alignment was [`Alignment::Sim3`].
+    /// Scale; one unless the alignment was [`Alignment::Sim2`] or [`Alignment::Sim3`].
     pub scale: f64,
     /// Rotation and translation, applied after the scale.
     pub reference_from_estimate: Isometry3<f64>,

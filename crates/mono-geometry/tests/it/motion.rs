@@ -298,3 +298,55 @@ fn samples_hold_until_the_next() {
     assert_eq!(held_between(&twins, 1.0, 2.0), vec![(twins[1], 1.0)]);
     assert_eq!(held_between(&twins, 0.0, 2.0), vec![(twins[1], 1.0)]);
 }
+
+/// One second of the same motion as rows at `rate` hertz.
+fn rows(v_mps: f64, omega_radps: f64, rate: u32) -> Vec<(OdometrySample, f64)> {
+    let dt = 1.0 / f64::from(rate);
+    (0..rate)
+        .map(|row| (sample(f64::from(row) * dt, v_mps, omega_radps), dt))
+        .collect()
+}
+
+/// Straight on, white noise of the turn rate of density q gives var(phi) = q T, cov(y, phi) = v q T^2 / 2 and
+/// var(y) = v^2 q T^3 / 3; n rows, each an arc, leave out 1 / (4 n^2) of the last.
+#[test]
+fn the_covariance_of_a_straight_does_not_depend_on_the_row_rate() {
+    let (v, q) = (0.8, 0.04_f64.powi(2));
+    let turning = ControlNoise {
+        turn_per_sqrt_s: q.sqrt(),
+        ..ControlNoise::ZERO
+    };
+    for rate in [10, 50, 200] {
+        let covariance = accumulate(&rows(v, 0.0, rate), &turning)
+            .unwrap()
+            .covariance;
+        let close = |value: f64, expected: f64| {
+            assert!(
+                (value / expected - 1.0).abs() < 1e-12,
+                "{rate} Hz: {value} for {expected}"
+            );
+        };
+        close(covariance[(2, 2)], q);
+        close(covariance[(1, 2)], v * q / 2.0);
+        let left_out = 1.0 / (4.0 * f64::from(rate).powi(2));
+        close(covariance[(1, 1)], v * v * q / 3.0 * (1.0 - left_out));
+    }
+    // The same standard deviation for every row, whatever it lasts, is another noise at every rate.
+    let per_row = |rate: u32| f64::from(rate) * (0.04 / f64::from(rate)).powi(2);
+    assert!(per_row(10) / per_row(200) > 19.0);
+}
+
+/// Every kind of noise, on an arc: the rates agree to the second order of a row's share of the whole.
+#[test]
+fn the_covariance_of_an_arc_does_not_depend_on_the_row_rate() {
+    let fine = accumulate(&rows(0.8, 0.9, 5000), &noise())
+        .unwrap()
+        .covariance;
+    for rate in [10, 50, 200] {
+        let covariance = accumulate(&rows(0.8, 0.9, rate), &noise())
+            .unwrap()
+            .covariance;
+        let off = (covariance - fine).amax() / fine.amax();
+        assert!(off < 1.0 / f64::from(rate).powi(2), "{rate} Hz: {off}");
+    }
+}

@@ -43,6 +43,8 @@ enum Align {
     Heading,
     /// Rotation about z and translation in the plane
     Se2,
+    /// Rotation about z, translation in the plane and scale
+    Sim2,
     /// Rotation and translation
     Se3,
     /// Rotation, translation and scale
@@ -55,6 +57,7 @@ impl From<Align> for Alignment {
             Align::None => Alignment::None,
             Align::Heading => Alignment::Heading,
             Align::Se2 => Alignment::Se2,
+            Align::Sim2 => Alignment::Sim2,
             Align::Se3 => Alignment::Se3,
             Align::Sim3 => Alignment::Sim3,
         }
@@ -123,7 +126,7 @@ fn as_text(alignment: Alignment, absolute: &AbsoluteError, relative: &RelativeEr
             turn * 1e3
         );
     }
-    if alignment == Alignment::Sim3 {
+    if matches!(alignment, Alignment::Sim2 | Alignment::Sim3) {
         let _ = writeln!(
             text,
             "scale applied to the estimate {:.6}",

@@ -10,4 +10,5 @@ pub(crate) mod features;
 pub(crate) mod match_images;
 pub(crate) mod report;
 pub(crate) mod run;
+mod stand_in;
 mod threshold;

@@ -7,13 +7,17 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
-use mono_slam::warnings;
-use slam_io::{CameraFile, RunRecord, Sequence, Warning, write_run};
+use mono_slam::{warnings, without_odometry};
+use slam_io::{
+    CameraFile, OdometrySource, OpenOptions, RunRecord, RunScale, Sequence, Warning, odometry_csv,
+    write_run,
+};
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use super::configuration::read_configuration;
+use super::stand_in::StandIn;
 use super::threshold::{check_ate, metres};
 use crate::failure::Failure;
 
@@ -26,6 +30,8 @@ pub(crate) struct Arguments {
     /// Sequence folder: images/, times.txt, camera.toml, odometry.csv
     #[arg(value_name = "SEQ")]
     sequence: PathBuf,
+    #[command(flatten)]
+    stand_in: StandIn,
     /// Folder for the results; made when the run has succeeded
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -82,7 +88,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .clone()
         .check()
         .map_err(|e| Failure::input(e.to_string()))?;
-    let sequence = Sequence::open(&arguments.sequence)?;
+    let options = arguments.stand_in.options(OpenOptions::default());
+    let sequence = Sequence::open_with(&arguments.sequence, &options)?;
+    let config = if sequence.odometry_source == OdometrySource::None {
+        without_odometry::settings(config, &sequence.times_s)
+    } else {
+        config
+    };
     let config = with_camera_sigmas(config, &sequence.camera)?;
     if arguments.max_ate.is_some() && sequence.reference.is_none() {
         return Err(Failure::input(format!(
@@ -109,6 +121,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     reporter.finish();
     let page = render_run_html(&record).into_bytes();
     let mut beside = sequence.input_files()?;
+    if !record.predicted.is_empty() {
+        // What the filter expected stands for the odometry in a batch over the run.
+        beside.retain(|(name, _)| *name != "odometry.csv");
+        beside.push(("odometry.csv", odometry_csv(&record.predicted).into_bytes()));
+    }
     beside.push(("report.html", page));
     write_run(&record, &arguments.out, &beside)?;
     for warning in record.warnings.iter().filter(|w| !before.contains(w)) {
@@ -169,7 +186,7 @@ fn with_camera_sigmas(mut config: Config, camera: &CameraFile) -> Result<ValidCo
     config.check().map_err(|e| Failure::input(e.to_string()))
 }
 
-/// Position error against the reference without alignment, metres.
+/// Position error against the reference, metres: without alignment, or up to scale where the run has none.
 fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
     let Some(reference) = &record.reference else {
         return Ok(None);
@@ -186,14 +203,27 @@ fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
         .iter()
         .map(|f| (f.time_s, f.report.estimate.pose))
         .collect();
-    let error = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::None)?;
-    Ok(Some(error.translation_m.rmse))
+    match record.scale {
+        RunScale::Metric => {
+            let error = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::None)?;
+            Ok(Some(error.translation_m.rmse))
+        }
+        // A path that never moved has no scale to align, and no error either.
+        RunScale::Arbitrary => {
+            let aligned = absolute_error(&spatial(&estimate), &spatial(reference), Alignment::Sim2);
+            Ok(aligned.ok().map(|error| error.translation_m.rmse))
+        }
+    }
 }
 
 fn summary(record: &RunRecord, ate_m: Option<f64>, out: &str) -> String {
     let frames = record.frames.len();
     let error = ate_m.map_or_else(String::new, |e| {
-        format!(", position error {:.1} mm RMSE (no alignment)", e * 1e3)
+        let alignment = match record.scale {
+            RunScale::Metric => "no alignment",
+            RunScale::Arbitrary => "after alignment with scale",
+        };
+        format!(", position error {:.1} mm RMSE ({alignment})", e * 1e3)
     });
     format!(
         "{frames} frames in {:.1} s ({:.1} Hz), {} landmarks{error}; results in {out}",

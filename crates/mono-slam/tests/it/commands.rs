@@ -111,6 +111,7 @@ fn eval_prints_json() {
         ("none", 0.03),
         ("heading", turned),
         ("se2", 0.0),
+        ("sim2", 0.0),
         ("se3", 0.0),
         ("sim3", 0.0),
     ] {
@@ -200,6 +201,8 @@ fn report_draws_the_page_again() {
     let run = RunRecord {
         sequence: "corridor".into(),
         warnings: Vec::new(),
+        scale: slam_io::RunScale::Metric,
+        predicted: Vec::new(),
         frames: Vec::new(),
         smoothed: Vec::new(),
         smoother: None,

@@ -49,6 +49,8 @@ fn recorded(seed: u64) -> RecordedRun {
         record: RunRecord {
             sequence: "drive".into(),
             warnings: Vec::new(),
+            scale: slam_io::RunScale::Metric,
+            predicted: Vec::new(),
             frames: Vec::new(),
             smoothed: problem
                 .keyframes

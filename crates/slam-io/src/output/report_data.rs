@@ -15,7 +15,7 @@ use slam_pipeline::MapLandmark;
 use super::error::OutputError;
 use crate::disk::Pose;
 use crate::record::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, SmootherRecord, TrackRow,
+    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, RunScale, SmootherRecord, TrackRow,
 };
 use crate::warning::Warning;
 
@@ -32,6 +32,9 @@ struct ReportData<'a> {
     seed: u64,
     wall_s: f64,
     configuration: Cow<'a, str>,
+    /// Absent in files of earlier versions.
+    #[serde(default)]
+    scale: RunScale,
     /// Absent in files of earlier versions.
     #[serde(default)]
     warnings: Cow<'a, [Warning]>,
@@ -77,6 +80,7 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         seed: run.seed,
         wall_s: run.wall_s,
         configuration: Cow::Borrowed(&run.configuration),
+        scale: run.scale,
         warnings: Cow::Borrowed(&run.warnings),
         frames: Cow::Borrowed(&run.frames),
         smoothed: to_disk(&run.smoothed),
@@ -112,6 +116,8 @@ pub(super) fn read(
         .collect::<Result<Vec<_>, _>>()?;
     Ok(RunRecord {
         sequence: data.sequence.into_owned(),
+        scale: data.scale,
+        predicted: Vec::new(),
         warnings: data.warnings.into_owned(),
         frames: data.frames.into_owned(),
         smoothed: from_disk(data.smoothed),

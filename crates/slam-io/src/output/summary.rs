@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::error::OutputError;
 use crate::figures::{RunFigures, run_figures};
-use crate::record::{RunRecord, SmootherRecord};
+use crate::record::{RunRecord, RunScale, SmootherRecord};
 use crate::warning::Warning;
 
 /// The bytes of the file.
@@ -16,6 +16,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         method: &'a str,
         particles: usize,
         seed: u64,
+        scale: RunScale,
         warnings: &'a [Warning],
         figures: RunFigures,
         smoother: Option<&'a SmootherRecord>,
@@ -27,6 +28,7 @@ pub(super) fn summary_json(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         method: &run.method,
         particles: run.particles,
         seed: run.seed,
+        scale: run.scale,
         warnings: &run.warnings,
         figures: run_figures(run),
         smoother: run.smoother.as_ref(),

@@ -46,7 +46,11 @@ pub(super) fn survey(root: &Path, format: SequenceFormat, options: &OpenOptions)
         camera,
         camera_name,
         sizes: Ok(()),
-        odometry: find_odometry(root, first_s, &mut warnings),
+        odometry: find_odometry(
+            root,
+            times_s.as_deref().ok().filter(|times| !times.is_empty()),
+            &mut warnings,
+        ),
         reference: read_reference(root, &mount, first_s),
         times_s,
         warnings,

@@ -38,4 +38,28 @@ pub struct OpenOptions {
     pub format: Option<SequenceFormat>,
     /// A calibration (any format of [`read_calibration`](crate::read_calibration)) in place of the sequence's own.
     pub camera: Option<PathBuf>,
+    /// Where the odometry is to come from.
+    pub odometry: OdometryChoice,
+    /// Images a second, for images without times.
+    pub frames_per_second: Option<f64>,
+}
+
+/// Where the odometry of a sequence is to come from.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum OdometryChoice {
+    /// The sequence's own files or messages.
+    #[default]
+    Found,
+    /// Nowhere: the images alone tell the path, up to its scale. A missing calibration is guessed, and so is the frame rate;
+    /// warnings say so.
+    Without,
+    /// The reference path with white noise added.
+    GroundTruth {
+        /// Noise of the way, metres per square root of a second.
+        sigma_v: f64,
+        /// Noise of the heading, radians per square root of a second.
+        sigma_w: f64,
+        /// Seed of the noise.
+        seed: u64,
+    },
 }

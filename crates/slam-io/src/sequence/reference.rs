@@ -112,7 +112,8 @@ fn pose_at(poses: &[(f64, Isometry3<f64>)], time_s: f64) -> Option<Isometry3<f64
     before.1.try_lerp_slerp(&after.1, share, f64::EPSILON)
 }
 
-fn flattened(pose: &Isometry3<f64>) -> Se2 {
+/// The planar part of a pose of the body.
+pub(super) fn flattened(pose: &Isometry3<f64>) -> Se2 {
     let forward = pose.rotation * nalgebra::Vector3::x();
     Se2 {
         x: pose.translation.x,

@@ -1,6 +1,6 @@
 //! Rows of odometry and where they came from.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::path::PathBuf;
 
 /// One row: it holds from its time to the next row's.
@@ -67,4 +67,26 @@ impl fmt::Display for OdometrySource {
             OdometrySource::None => formatter.write_str("none"),
         }
     }
+}
+
+/// The text of the rows in the native form; it reads back to the same bits.
+#[must_use]
+pub fn odometry_csv(rows: &[OdometryRow]) -> String {
+    let mut text = String::from("t_s,v_mps,omega_radps\n");
+    for row in rows {
+        // Writing into a String cannot fail.
+        let _ = writeln!(text, "{},{},{}", row.t_s, row.v_mps, row.omega_radps);
+    }
+    text
+}
+
+/// Median of the steps between ascending times, seconds; `None` for fewer than two. O(n).
+pub(super) fn usual_interval_s(times_s: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() {
+        return None;
+    }
+    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*median)
 }

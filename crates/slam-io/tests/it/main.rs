@@ -8,6 +8,8 @@
 
 mod calibrations;
 mod common;
+mod odometry_reading;
 mod output_writing;
 mod sequence_images;
 mod sequence_reading;
+mod standing_in;

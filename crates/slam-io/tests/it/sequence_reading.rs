@@ -280,8 +280,8 @@ fn wrong_times_are_named() {
 fn wrong_odometry_is_named() {
     let cases = [
         (
-            "t,v,w\n0,1,0\n",
-            "line 1: expected the header t_s,v_mps,omega_radps, found \"t,v,w\"",
+            "t,left,right\n0,1,0\n",
+            "line 1: expected the header t_s,v_mps,omega_radps, found \"t,left,right\"",
         ),
         (
             "0,1,0\n0.1,1,0\n",
@@ -305,15 +305,15 @@ fn wrong_odometry_is_named() {
         ),
         (
             "t_s,v_mps,omega_radps\n0,-101,0\n",
-            "line 2: expected |v_mps| of at most 100, found -101",
+            "line 2: expected |v_mps| of at most 100, found -101 (in millimetres per second? v_mps is in metres per second)",
         ),
         (
             "t_s,v_mps,omega_radps\n0,1,51\n",
-            "line 2: expected |omega_radps| of at most 50, found 51",
+            "line 2: expected |omega_radps| of at most 50, found 51 (in degrees per second? omega_radps is in radians per second)",
         ),
         (
             "t_s,v_mps,omega_radps\n0.2,1,0\n",
-            "line 2: expected a first row no later than the first frame at 0 s, found 0.2 s",
+            "line 2: expected a first row no later than the first frame at 0 s, found 0.2 s; leave out the first image, the odometry covers the others",
         ),
     ];
     for (text, expected) in cases {

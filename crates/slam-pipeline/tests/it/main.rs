@@ -8,4 +8,5 @@
 mod drive;
 mod frame_loop;
 mod refused_frames;
+mod row_rate;
 mod sightings;

@@ -259,3 +259,37 @@ fn warnings_stand_above_the_figures_and_are_escaped() {
     run.warnings.clear();
     assert!(!render_run_html(&run).contains("class=\"warnings\""));
 }
+
+/// Without a scale there are no metres to compare: the error is that after alignment with scale, the reference is drawn
+/// in the unit of the run, and no chart shows differences of positions.
+#[test]
+fn a_run_without_scale_is_compared_up_to_its_scale() {
+    let metric = render_run_html(&small_run());
+    let mut run = small_run();
+    run.scale = slam_io::RunScale::Arbitrary;
+    run.dead_reckoning.clear();
+    for frame in &mut run.frames {
+        let pose = &mut frame.report.estimate.pose;
+        (pose.x, pose.y) = (7.0 * pose.x, 7.0 * pose.y);
+    }
+    let page = render_run_html(&run);
+    assert_well_formed(&page);
+    assert!(metric.contains("Error against the reference") && metric.contains("x (m)"));
+    assert!(!page.contains("Error against the reference") && !page.contains("x (m)"));
+    for said in [
+        "after alignment with scale",
+        "Sim(2)",
+        "x (units)",
+        "no scale",
+    ] {
+        assert!(page.contains(said) && !metric.contains(said), "{said}");
+    }
+    let figures = slam_io::run_figures(&run);
+    let filtered = &figures.errors["filtered"];
+    assert_eq!(filtered.keys().copied().collect::<Vec<_>>(), ["sim2"]);
+    assert!(filtered["sim2"].position_m.rmse < 0.01, "{filtered:?}");
+    assert!(
+        !figures.errors.contains_key("dead_reckoning")
+            || figures.errors["dead_reckoning"].is_empty()
+    );
+}

@@ -94,6 +94,8 @@ pub(crate) fn small_run() -> RunRecord {
             "odometry-ends-early",
             "The odometry ends 2 s <before> the images.",
         )],
+        scale: slam_io::RunScale::Metric,
+        predicted: Vec::new(),
         frames,
         smoothed: (0..FRAMES)
             .map(|index| (0.1 * index as f64, truth(index)))
