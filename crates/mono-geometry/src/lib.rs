@@ -73,7 +73,7 @@ pub use distortion::{Distortion, LensJacobian};
 pub use error::GeometryError;
 pub use estimation_base::Se2;
 pub use least_squares::{Iteration, Termination};
-pub use mount::{Mount, world_from_tilted_body};
+pub use mount::{Mount, tilted_body_axes, world_from_tilted_body};
 pub use placed_camera::PlacedCamera;
 pub use robust_loss::{Loss, RobustLoss};
 pub use se3::Se3;

@@ -82,6 +82,19 @@ impl Default for Mount {
     }
 }
 
+/// Axes, world, about which the heading, roll and pitch of [`world_from_tilted_body`] turn the body, as columns in this
+/// order: e_z, Rz(phi) Ry(pitch) e_x and Rz(phi) e_y. Radians.
+#[must_use]
+pub fn tilted_body_axes(phi: f64, pitch: f64) -> Matrix3<f64> {
+    let (sin, cos) = phi.sin_cos();
+    let (sin_pitch, cos_pitch) = pitch.sin_cos();
+    Matrix3::from_columns(&[
+        Vector3::z(),
+        Vector3::new(cos * cos_pitch, sin * cos_pitch, -sin_pitch),
+        Vector3::new(-sin, cos, 0.0),
+    ])
+}
+
 /// The body's pose in space: rotation Rz(phi) Ry(pitch) Rx(roll), translation (x, y, height). Radians, metres.
 #[must_use]
 pub fn world_from_tilted_body(world_from_body: &Se2, roll: f64, pitch: f64, height: f64) -> Se3 {

@@ -56,9 +56,10 @@ impl From<SequenceError> for Failure {
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Sequence(_) | RunError::Camera(_) | RunError::Features(_) => {
-                Failure::input(error.to_string())
-            }
+            RunError::Sequence(_)
+            | RunError::Camera(_)
+            | RunError::Sigma(_)
+            | RunError::Features(_) => Failure::input(error.to_string()),
             RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
         }
     }

@@ -33,7 +33,8 @@ pub struct Progress {
     pub landmarks: usize,
 }
 
-/// Runs `sequence` under `config` and returns everything it found.
+/// Runs `sequence` under `config` and returns everything it found. Standard deviations that the camera file states take
+/// the place of those of the configuration.
 ///
 /// `clock` gives seconds for the stage times and for nothing else; `progress`
 /// is called after every frame. The estimate is the same, bit for bit, for any
@@ -47,6 +48,7 @@ pub fn run_sequence(
     clock: &Clock<'_>,
     progress: &mut (dyn FnMut(Progress) + Send),
 ) -> Result<RunRecord, RunError> {
+    let config = &sequence.camera.considered_in(config).check()?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(config.filter.threads as usize)
         .build()?;

@@ -3,6 +3,7 @@
 use mono_geometry::GeometryError;
 use slam_io::SequenceError;
 use slam_pipeline::SlamError;
+use slam_pipeline::config::ConfigError;
 use thiserror::Error;
 use vision_sift::SiftError;
 
@@ -15,6 +16,9 @@ pub enum RunError {
     /// The camera file describes no camera.
     #[error("camera.toml: {0}")]
     Camera(#[from] GeometryError),
+    /// A standard deviation of the camera file is out of range.
+    #[error("[sigma] of camera.toml: {0}")]
+    Sigma(#[from] ConfigError),
     /// SIFT refused its parameters or an image.
     #[error(transparent)]
     Features(#[from] SiftError),

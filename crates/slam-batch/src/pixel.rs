@@ -11,7 +11,8 @@
 //! derivative by the calibration theta is taken at the *predicted* pixel. At the measured one it would carry the very
 //! noise of the residual; their product does not average out, and the focal length comes out by per cents too large.
 
-use mono_geometry::Camera;
+use mono_geometry::inverse_depth::turned_camera;
+use mono_geometry::{Camera, tilted_body_axes};
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::constants::{Constant, Constants};
@@ -32,22 +33,18 @@ pub(crate) struct View {
     /// Rotation from world to camera axes.
     pub(crate) camera_from_world: Matrix3<f64>,
     /// Axes about which heading, roll and pitch turn, in camera axes.
-    axes: [Vector3<f64>; 3],
+    axes: Matrix3<f64>,
 }
 
 impl View {
     pub(crate) fn new(state: &CameraState, body_from_camera: &Matrix3<f64>) -> Self {
         let body_from_world = state.world_from_body().transpose();
         let camera_from_body = body_from_camera.transpose();
-        let (sin, cos) = state.roll.sin_cos();
+        let camera_from_world = camera_from_body * body_from_world;
         Self {
             centre: state.centre,
-            camera_from_world: camera_from_body * body_from_world,
-            axes: [
-                camera_from_body * body_from_world.column(2),
-                camera_from_body * Vector3::x(),
-                camera_from_body * Vector3::new(0.0, cos, -sin),
-            ],
+            camera_from_world,
+            axes: camera_from_world * tilted_body_axes(state.phi, state.pitch),
         }
     }
 
@@ -56,9 +53,8 @@ impl View {
         let mut by = SMatrix::<f64, 3, POSE>::zeros();
         by.fixed_view_mut::<3, 3>(0, 0)
             .copy_from(&(self.camera_from_world * -rho));
-        for (column, axis) in self.axes.iter().enumerate() {
-            by.set_column(3 + column, &q.cross(axis));
-        }
+        by.fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&turned_camera(q, &self.axes));
         by
     }
 }

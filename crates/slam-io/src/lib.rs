@@ -34,6 +34,7 @@
 mod calibration;
 mod camera;
 pub mod configuration;
+mod considered;
 mod disk;
 mod error;
 mod figures;

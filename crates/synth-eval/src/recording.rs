@@ -5,6 +5,7 @@
 use estimation_base::Se2;
 use mono_geometry::{Camera, Distortion};
 use nalgebra::Point3;
+use slam_io::CameraFile;
 use slam_pipeline::config::{Config, OdometrySection};
 use slam_pipeline::{OdometryInterval, Rig, detector_of};
 use std::collections::BTreeMap;
@@ -32,6 +33,8 @@ pub(crate) struct Recording {
     pub(crate) truth: Vec<Option<Se2>>,
     /// The noise that was put into the odometry; none for a recorded sequence.
     pub(crate) noise: Option<OdometrySection>,
+    /// The camera file of a recorded sequence, which may state its standard deviations.
+    pub(crate) camera: Option<CameraFile>,
     /// Mean time to detect and describe a frame, milliseconds.
     pub(crate) detection_ms: f64,
     /// The truth about what the keypoints saw.
@@ -59,6 +62,7 @@ pub(crate) struct Drive {
     pub(crate) odometry: Vec<Vec<OdometryInterval>>,
     pub(crate) truth: Vec<Option<Se2>>,
     pub(crate) noise: Option<OdometrySection>,
+    pub(crate) camera: Option<CameraFile>,
     pub(crate) surface: Surface,
 }
 
@@ -87,6 +91,7 @@ impl Recording {
             odometry: drive.odometry,
             truth: drive.truth,
             noise: drive.noise,
+            camera: drive.camera,
             surface: drive.surface,
             detection_ms,
             features,
@@ -135,6 +140,7 @@ impl Drive {
             odometry: odometry(&scene),
             truth: scene.path().poses.iter().copied().map(Some).collect(),
             noise: Some(odometry_section(&scene.spec().odometry, step_m)),
+            camera: None,
             surface: Surface::Scene(Box::new(scene)),
         })
     }

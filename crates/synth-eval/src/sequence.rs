@@ -56,6 +56,7 @@ pub(crate) fn read(folder: &Path, config: &Config) -> anyhow::Result<Recording> 
         odometry,
         truth,
         noise: None,
+        camera: Some(sequence.camera.clone()),
         surface: Surface::Unknown,
     };
     Ok(Recording::new(drive, features, detection_ms))

@@ -138,7 +138,11 @@ fn filter(
     without: Option<Ablation>,
     batch: bool,
 ) -> anyhow::Result<Track> {
-    let config = config.clone().check()?;
+    let config = match &recording.camera {
+        Some(camera) => camera.considered_in(config),
+        None => config.clone(),
+    }
+    .check()?;
     let mut slam = match without {
         None => Slam::new(recording.rig, &config)?,
         Some(part) => Slam::ablated(recording.rig, &config, part)?,

@@ -25,6 +25,7 @@ mod landmark;
 mod pixel;
 mod point;
 mod refine;
+mod turned;
 mod view;
 
 pub use convert::{CONVERSION_LINEARITY_INDEX, NotYet};
@@ -32,4 +33,5 @@ pub use landmark::{LandmarkGeometry, Ray, first_sighting};
 pub use pixel::HORIZON;
 pub use point::{InverseDepthPoint, Prediction};
 pub use refine::{Refined, refine};
+pub use turned::{turned_anchor, turned_camera};
 pub use view::LandmarkView;

@@ -9,8 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
 use mono_slam::{warnings, without_odometry};
 use slam_io::{
-    CameraFile, OdometrySource, OpenOptions, RunRecord, RunScale, Sequence, Warning, odometry_csv,
-    write_run,
+    OdometrySource, OpenOptions, RunRecord, RunScale, Sequence, Warning, odometry_csv, write_run,
 };
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
@@ -84,18 +83,14 @@ enum MethodName {
 /// Runs and writes the results.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = settings(arguments)?;
-    config
-        .clone()
-        .check()
-        .map_err(|e| Failure::input(e.to_string()))?;
+    checked(config.clone())?;
     let options = arguments.stand_in.options(OpenOptions::default());
     let sequence = Sequence::open_with(&arguments.sequence, &options)?;
     let config = if sequence.odometry_source == OdometrySource::None {
-        without_odometry::settings(config, &sequence.times_s)
+        checked(without_odometry::settings(config, &sequence.times_s))?
     } else {
-        config
+        checked(config)?
     };
-    let config = with_camera_sigmas(config, &sequence.camera)?;
     if arguments.max_ate.is_some() && sequence.reference.is_none() {
         return Err(Failure::input(format!(
             "--max-ate needs a reference path, {} has none",
@@ -169,20 +164,7 @@ fn settings(arguments: &Arguments) -> Result<Config, Failure> {
     Ok(config)
 }
 
-/// `config` with the standard deviations that the camera file states: they are those of this very camera.
-fn with_camera_sigmas(mut config: Config, camera: &CameraFile) -> Result<ValidConfig, Failure> {
-    let relative = |sigma: Option<f64>, value: f64| sigma.map(|s| s / value);
-    let focal = [
-        relative(camera.sigma.fx, camera.fx),
-        relative(camera.sigma.fy, camera.fy),
-    ];
-    if let Some(sigma) = focal.into_iter().flatten().reduce(f64::max) {
-        config.carrier.focal_sigma = sigma;
-    }
-    // An error of the principal point turns every ray sideways, as one of the mount does.
-    let centre = relative(camera.sigma.cx, camera.fx).unwrap_or(0.0);
-    let yaw = camera.sigma.mount_yaw;
-    config.carrier.mount_yaw_sigma = yaw.unwrap_or(config.carrier.mount_yaw_sigma).hypot(centre);
+fn checked(config: Config) -> Result<ValidConfig, Failure> {
     config.check().map_err(|e| Failure::input(e.to_string()))
 }
 

@@ -1,4 +1,4 @@
-//! The smoothed path of a run on rendered images.
+//! The smoothed path of a run on rendered images, and what it takes from the camera file.
 
 use std::path::Path;
 
@@ -45,4 +45,26 @@ fn the_other_methods_keep_the_path_of_their_best_particle() {
     let note = smoother.note.unwrap();
     assert!(note.contains("conventional"), "{note}");
     assert_eq!(run.smoothed.len(), run.frames.len());
+}
+
+/// Only the command used to apply them; other callers of the library ran with those of the configuration.
+#[test]
+fn regress_standard_deviations_of_the_camera_file_enter_every_run() {
+    let mut sequence = wall();
+    let fx = sequence.camera.fx;
+    sequence.camera.sigma.fx = Some(0.01 * fx);
+    sequence.camera.sigma.cx = Some(0.003 * fx);
+    sequence.camera.sigma.mount_yaw = Some(0.004);
+    let config = Config::default().check().unwrap();
+    let run = |sequence: &Sequence| run_sequence(sequence, &config, &|| 0.0, &mut |_| {});
+    let configuration = run(&sequence).unwrap().configuration;
+    for line in ["focal_sigma = 0.01", "mount_yaw_sigma = 0.005"] {
+        assert!(configuration.contains(line), "{configuration}");
+    }
+    sequence.camera.sigma.fx = Some(f64::INFINITY);
+    let error = run(&sequence).unwrap_err().to_string();
+    assert!(
+        error.contains("[sigma] of camera.toml") && error.contains("focal_sigma"),
+        "{error}"
+    );
 }

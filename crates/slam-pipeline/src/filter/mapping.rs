@@ -17,6 +17,7 @@ use ukf::SigmaPoints;
 use super::landmark::{Landmark, Parametrisation};
 use super::landmark_moments::AxisPoints;
 use super::landmark_update::LandmarkUpdate;
+use super::motion::MotionPrior;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
 use crate::method::LandmarkStart;
@@ -41,11 +42,27 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         particle: &mut Particle,
         observation: &FrameObservation,
     ) -> Result<(), Infallible> {
-        if let Some(drawn) = particle.prior.take() {
-            particle.metric = particle
-                .metric
-                .condition_on_pose(&drawn.prior, &particle.pose);
+        match particle.prior.take() {
+            Some(drawn) => self.arrive(particle, &drawn.prior, observation),
+            None => self.map(particle, observation),
         }
+        Ok(())
+    }
+}
+
+impl Mapping<'_> {
+    /// The metric state and the map of a particle that has taken its pose under `prior`.
+    pub(crate) fn arrive(
+        &self,
+        particle: &mut Particle,
+        prior: &MotionPrior,
+        observation: &FrameObservation,
+    ) {
+        particle.metric = particle.metric.condition_on_pose(prior, &particle.pose);
+        self.map(particle, observation);
+    }
+
+    fn map(&self, particle: &mut Particle, observation: &FrameObservation) {
         let update = LandmarkUpdate {
             pinhole: self.rig.pinhole(),
             points: AxisPoints::new(&self.points),
@@ -97,7 +114,6 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
         for id in &observation.removed {
             particle.map.remove(*id);
         }
-        Ok(())
     }
 }
 

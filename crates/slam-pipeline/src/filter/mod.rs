@@ -3,9 +3,8 @@
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
-//! [`proposal`], [`evolution`], [`segment`], [`local_batch`], [`redraw`], [`landmark_moments`],
-//! [`landmark_update`], [`mapping`], [`adaptation`],
-//! [`drift`].
+//! [`proposal`], [`evolution`], [`landmark_moments`], [`landmark_update`], [`mapping`], [`segment`], [`window_landmarks`],
+//! [`window_equations`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`].
 
 pub(crate) mod adaptation;
 pub(crate) mod drift;
@@ -28,3 +27,5 @@ pub(crate) mod redraw;
 pub(crate) mod segment;
 #[cfg(test)]
 pub(crate) mod tests;
+pub(crate) mod window_equations;
+pub(crate) mod window_landmarks;

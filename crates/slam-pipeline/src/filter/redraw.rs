@@ -22,6 +22,15 @@ use super::local_batch::{SegmentGaussian, segment_gaussian};
 use super::particle::{Particle, Segment};
 use super::segment::{SegmentDriver, WindowStep};
 
+/// The outcome of a new draw.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Redrawn {
+    /// Increments of the log weights.
+    pub(crate) log_increments: Vec<f64>,
+    /// States at the beginning whose local batch did not settle: their particles keep their paths.
+    pub(crate) unsettled: usize,
+}
+
 /// The new draw of one keyframe.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PathRedraw<'a> {
@@ -34,7 +43,7 @@ pub(crate) struct PathRedraw<'a> {
 }
 
 impl PathRedraw<'_> {
-    /// Draws every path again and returns the increments of the log weights. Random numbers are those of `frame` and the
+    /// Draws every path again. Random numbers are those of `frame` and the
     /// slot. A particle whose local batch fails keeps its path, and so do all when the window has seen nothing.
     #[must_use]
     pub(crate) fn apply(
@@ -43,9 +52,12 @@ impl PathRedraw<'_> {
         log_weights: &[f64],
         streams: &Streams,
         frame: u64,
-    ) -> Vec<f64> {
+    ) -> Redrawn {
         if self.steps.iter().all(|s| s.observation.matches.is_empty()) {
-            return vec![0.0; particles.len()];
+            return Redrawn {
+                log_increments: vec![0.0; particles.len()],
+                unsettled: 0,
+            };
         }
         let family = families(particles);
         let gaussians: Vec<Option<SegmentGaussian>> = family
@@ -78,7 +90,10 @@ impl PathRedraw<'_> {
                     ..driven
                 };
             });
-        family.mean_weights(log_weights, |origin| gaussians[origin].is_some())
+        Redrawn {
+            log_increments: family.mean_weights(log_weights, |origin| gaussians[origin].is_some()),
+            unsettled: gaussians.iter().filter(|g| g.is_none()).count(),
+        }
     }
 }
 

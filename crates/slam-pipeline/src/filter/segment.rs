@@ -6,14 +6,12 @@
 
 use std::sync::Arc;
 
-use rbpf_core::MapUpdate as _;
-
 use super::landmark::InverseDepthPrior;
 use super::mapping::Mapping;
 use super::motion::{CarrierModel, MotionPrior};
 use super::observation::FrameObservation;
-use super::particle::{Drawn, Particle};
-use super::pose::{CameraPose, PoseMatrix};
+use super::particle::Particle;
+use super::pose::CameraPose;
 use crate::rig::Rig;
 
 /// A keyframe of the window.
@@ -50,11 +48,7 @@ impl SegmentDriver<'_> {
             &step.observation.control,
         );
         particle.pose = choose(particle, &prior);
-        particle.prior = Some(Arc::new(Drawn {
-            prior,
-            step_factor: PoseMatrix::zeros(),
-        }));
-        let Ok(()) = self.mapping.update_map(particle, &step.observation);
+        self.mapping.arrive(particle, &prior, &step.observation);
     }
 
     /// The particle that leaves `start` along `poses`, one for each of `steps`, and its state after `middle` steps (`None`

@@ -168,7 +168,7 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        let window = self.redraw(&mut filter, observation, &mapping)?;
+        let window = self.redraw(&mut filter, observation, &mapping, report)?;
         Ok((filter, window))
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rbpf_core::ParticleFilter;
 
 use super::window::Window;
-use super::{Slam, SlamError, filter_error};
+use super::{FrameReport, Slam, SlamError, filter_error};
 use crate::filter::landmark::InverseDepthPrior;
 use crate::filter::mapping::Mapping;
 use crate::filter::observation::FrameObservation;
@@ -17,6 +17,9 @@ use crate::filter::particle::{Particle, Segment};
 use crate::filter::redraw::PathRedraw;
 use crate::filter::segment::{SegmentDriver, WindowStep};
 use crate::method::Evolution;
+
+/// The note of a frame whose new draw left some particles as they were.
+const UNSETTLED: &str = "a local batch did not settle: its particles keep their recent path";
 
 impl Slam {
     /// The window that begins at the first keyframe.
@@ -38,6 +41,7 @@ impl Slam {
         filter: &mut ParticleFilter<Particle>,
         observation: &FrameObservation,
         mapping: &Mapping<'_>,
+        report: &mut FrameReport,
     ) -> Result<Window, SlamError> {
         let lag = self.lag();
         if lag == 0 {
@@ -63,10 +67,13 @@ impl Slam {
         let log_weights = filter.set().log_weights().to_vec();
         let streams = *filter.streams();
         let frame = self.state.frame;
-        let increments = redraw.apply(filter.particles_mut(), &log_weights, &streams, frame as u64);
+        let redrawn = redraw.apply(filter.particles_mut(), &log_weights, &streams, frame as u64);
         filter
-            .reweight(&increments)
+            .reweight(&redrawn.log_increments)
             .map_err(|e| filter_error(frame, e))?;
+        if redrawn.unsettled > 0 {
+            report.notes.push(UNSETTLED.to_owned());
+        }
         for particle in filter.particles_mut() {
             let now = particle.snapshot();
             if let Some(newer) = particle.segment.newer.replace(now) {

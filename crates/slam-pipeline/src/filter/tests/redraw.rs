@@ -313,8 +313,9 @@ fn new_draws_have_the_posterior_of_the_whole_window() {
         middle: 2,
     };
     let log_weights = vec![-(count as f64).ln(); count];
-    let increments = redraw.apply(&mut particles, &log_weights, &Streams::new(9), 7);
-    assert!(increments.iter().all(|i| i.abs() < 1e-9));
+    let redrawn = redraw.apply(&mut particles, &log_weights, &Streams::new(9), 7);
+    assert!(redrawn.log_increments.iter().all(|i| i.abs() < 1e-9));
+    assert_eq!(redrawn.unsettled, 0);
     let (mean, covariance) = drive.oracle();
     // Every pose of the window, the first as much as the last: later images reach back.
     for k in 0..STEPS {
@@ -362,10 +363,10 @@ fn a_family_shares_the_mean_of_its_weights() {
         steps: &drive.steps,
         middle: 0,
     };
-    let increments = redraw.apply(&mut particles, &weights.map(f64::ln), &Streams::new(1), 3);
+    let redrawn = redraw.apply(&mut particles, &weights.map(f64::ln), &Streams::new(1), 3);
     let after: Vec<f64> = weights
         .iter()
-        .zip(&increments)
+        .zip(&redrawn.log_increments)
         .map(|(w, i)| w * i.exp())
         .collect();
     for (got, expected) in after.iter().zip([0.2, 0.2, 0.4, 0.2]) {
@@ -374,4 +375,26 @@ fn a_family_shares_the_mean_of_its_weights() {
     // A particle without an earlier state keeps its path.
     assert_eq!(particles[3].path.len(), drive.start.path.len());
     assert_ne!(particles[0].pose, particles[1].pose);
+}
+
+#[test]
+fn a_window_without_a_solution_is_counted_and_leaves_its_particles() {
+    let drive = drive(52);
+    let mapping = mapping(&drive.rig);
+    let mut steps = drive.steps.clone();
+    Arc::make_mut(&mut steps[1]).observation.matches[0].pixel.x = f64::NAN;
+    let mut particle = drive.start.clone();
+    particle.segment.older = Some(drive.start.snapshot());
+    let mut particles = [particle.clone(), particle];
+    let redraw = PathRedraw {
+        driver: drive.driver(&mapping),
+        steps: &steps,
+        middle: 0,
+    };
+    let redrawn = redraw.apply(&mut particles, &[0.5_f64.ln(); 2], &Streams::new(1), 3);
+    assert_eq!(redrawn.unsettled, 1);
+    assert_eq!(redrawn.log_increments, [0.0; 2]);
+    for p in &particles {
+        assert_eq!(p.path.len(), drive.start.path.len());
+    }
 }

@@ -1,0 +1,110 @@
+//! The landmarks that score in a window, each with its Gaussian at the beginning of it and its sightings.
+//!
+//! The prior of the depth is taken out of them. One landmark's guess is harmless, but hundreds of them share it,
+//! and with every depth free they would agree on a shorter path: on rendered walls the scale shrank by a twentieth.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::landmark::{InverseDepthPrior, Landmark};
+use super::observation::Scoring;
+use super::particle::Particle;
+use super::segment::WindowStep;
+
+/// Share of the prior of a depth that is left in a window; it keeps a landmark without parallax regular.
+const LEFT_OF_DEPTH: f64 = 1e-3;
+
+/// A landmark of the window.
+pub(crate) struct Track {
+    /// Keyframe of its anchor; `None` for a point.
+    pub(crate) anchor: Option<u32>,
+    /// Information at the beginning of the window, and information times mean, without the prior of the depth.
+    pub(crate) prior_information: Matrix3<f64>,
+    pub(crate) prior_vector: Vector3<f64>,
+    /// Where it is linearised first.
+    pub(crate) start: Vector3<f64>,
+    /// Its sightings in the window, in order of time.
+    pub(crate) sightings: Vec<TrackSighting>,
+}
+
+/// A sighting of a landmark in the window.
+pub(crate) struct TrackSighting {
+    /// Step of the window.
+    pub(crate) step: usize,
+    /// Measured pixel, undistorted.
+    pub(crate) pixel: Vector2<f64>,
+    /// Variance of each coordinate.
+    pub(crate) variance_px2: f64,
+}
+
+/// The landmarks that score in the window, with their Gaussians at its beginning or after their first sighting.
+#[must_use]
+pub(crate) fn tracks(
+    start: &Particle,
+    end: &Particle,
+    steps: &[Arc<WindowStep>],
+    depth: InverseDepthPrior,
+) -> Vec<Track> {
+    let mut tracks: BTreeMap<u32, Track> = BTreeMap::new();
+    for (k, step) in steps.iter().enumerate() {
+        for m in &step.observation.matches {
+            if m.scoring == Scoring::MapOnly {
+                continue;
+            }
+            let track = match tracks.entry(m.id) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(vacant) => {
+                    let Some(mut track) = Track::new(start.map.get(m.id), m.prototype, depth)
+                    else {
+                        continue;
+                    };
+                    if let Some(landmark) = end.map.get(m.id) {
+                        track.start = landmark.mean;
+                    }
+                    vacant.insert(track)
+                }
+            };
+            track.sightings.push(TrackSighting {
+                step: k,
+                pixel: m.pixel,
+                variance_px2: m.variance_px2,
+            });
+        }
+    }
+    tracks.into_values().collect()
+}
+
+impl Track {
+    /// The landmark as the map at the beginning has it, or as its first sighting left it, without the prior of its depth;
+    /// `None` when it is neither or its covariance is singular.
+    fn new(
+        known: Option<&Landmark>,
+        prototype: Option<Landmark>,
+        depth: InverseDepthPrior,
+    ) -> Option<Self> {
+        let landmark = known.copied().or(prototype)?;
+        let mut prior_information = landmark.covariance.cholesky()?.inverse();
+        let mut prior_vector = prior_information * landmark.mean;
+        if landmark.anchor().is_some() {
+            // Hundreds of landmarks that share a guess of the depth would set the scale.
+            let (guess, weight) = if known.is_some() {
+                (depth.mean, 1.0 / (depth.sigma * depth.sigma))
+            } else {
+                (landmark.mean.z, 1.0 / landmark.covariance[(2, 2)])
+            };
+            let taken = weight.min(prior_information[(2, 2)]) * (1.0 - LEFT_OF_DEPTH);
+            prior_information[(2, 2)] -= taken;
+            prior_vector.z -= taken * guess;
+        }
+        Some(Self {
+            anchor: landmark.anchor(),
+            prior_information,
+            prior_vector,
+            start: landmark.mean,
+            sightings: Vec::new(),
+        })
+    }
+}
