@@ -114,3 +114,9 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         _ => Ok(()),
     }
 }
+
+/// A remark for the user on standard error, one sentence.
+pub(crate) fn remark(sentence: &str) {
+    // With standard error closed there is nobody left to tell.
+    let _ = writeln!(io::stderr(), "mono-slam: note: {sentence}");
+}

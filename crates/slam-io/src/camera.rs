@@ -3,35 +3,50 @@
 //! | [`CameraFormat`] | written by | lens models |
 //! |---|---|---|
 //! | `Toml` | this program, by hand | none, radtan, rational, kannala-brandt; and the mount |
-//! | `Kalibr` | Kalibr, `camchain.yaml` | none, radtan without k3, equidistant |
-//! | `OpenCv` | OpenCV's `FileStorage`, yml | 4, 5 or 8 coefficients, fisheye |
-//! | `Ros` | ROS `camera_calibration` | `plumb_bob`, `rational_polynomial`, `equidistant` |
+//! | `Kalibr` | Kalibr, `camchain.yaml` | none, radtan, equidistant |
+//! | `OpenCv` | OpenCV's `FileStorage`, yml, xml, json | 4, 5 or 8 coefficients, fisheye |
+//! | `Ros` | ROS `camera_calibration`, `topic echo` of `CameraInfo` | `plumb_bob`, `rational_polynomial`, `equidistant` |
+//! | `OrbSlam` | settings of ORB-SLAM 2 and 3 | PinHole, KannalaBrandt8, Rectified |
+//! | `Camodocal` | camodocal, VINS | PINHOLE, PINHOLE_FULL, KANNALA_BRANDT |
+//! | `Colmap` | `cameras.txt`, `cameras.bin` | pinholes, radial ones, OPENCV, OPENCV_FISHEYE, FULL_OPENCV |
+//! | `Euroc` | `sensor.yaml` | radial-tangential, equidistant |
+//! | `Kitti` | `calib_cam_to_cam.txt`, `calib.txt` | none: the images are rectified |
 //!
-//! [`read_calibration`] reads any of them, [`calibration_text`] writes any. All four put pixel (0, 0) at the centre of
-//! the top-left pixel and the coefficients in OpenCV's order, so no number changes on the way: a file written here is
-//! read back to the bit.
+//! [`read_calibration`] reads any of them, [`calibration_text`] writes the first four. Those put pixel (0, 0) at the
+//! centre of the top-left pixel and the coefficients in OpenCV's order, so no number changes on the way: a file written
+//! here is read back to the bit. COLMAP's half pixel is taken off.
 //!
 //! Two things do not survive. The *mount* exists in `camera.toml` only: files of other tools are read with the default
 //! mount, and writing them drops it. Kalibr's `T_cam_imu` places the camera at an IMU, not at the turning centre of a
 //! wheeled robot, and is ignored. And a radial-tangential lens of zeros is read as no lens, because OpenCV and ROS
 //! have no other way to write one.
 
+mod camodocal;
+mod colmap;
+mod euroc;
 mod file;
 mod kalibr;
+mod kitti;
 mod native;
 mod opencv;
+mod orbslam;
+mod plausible;
+mod read;
+mod recognise;
 mod ros;
+mod skew;
+mod toml_fault;
+mod xml;
 mod yaml;
 
 use std::path::Path;
 
 use crate::error::SequenceError;
-use crate::text::{content_lines, quoted, read_text};
-use file::file_fault;
+use crate::text::{decoded_text, read_bytes};
+use read::Wanted;
 use yaml::Node;
 
 pub use file::{CameraFile, MountFile, SigmaFile};
-pub(crate) use native::read_camera;
 
 /// The file format of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,55 +55,152 @@ pub enum CameraFormat {
     Toml,
     /// Kalibr's `camchain.yaml`.
     Kalibr,
-    /// OpenCV's `FileStorage` in YAML.
+    /// OpenCV's `FileStorage`.
     OpenCv,
-    /// ROS `camera_info`, as `camera_calibration` writes it.
+    /// ROS `camera_info`, as `camera_calibration` writes it and `topic echo` prints it.
     Ros,
+    /// Settings of ORB-SLAM 2 or 3.
+    OrbSlam,
+    /// camodocal's camera file, of VINS.
+    Camodocal,
+    /// COLMAP's cameras, text or binary.
+    Colmap,
+    /// EuRoC's `sensor.yaml`.
+    Euroc,
+    /// KITTI's calibration of a raw recording or an odometry sequence.
+    Kitti,
 }
 
-/// Reads a calibration; without a `format` it is recognised by the contents of the file.
-///
-/// `camera` chooses among the cameras of a Kalibr file (`None`: `cam0`).
+impl CameraFormat {
+    /// The format's name in a sentence.
+    fn title(self) -> &'static str {
+        match self {
+            CameraFormat::Toml => "a camera.toml",
+            CameraFormat::Kalibr => "a Kalibr camchain",
+            CameraFormat::OpenCv => "an OpenCV FileStorage",
+            CameraFormat::Ros => "a ROS camera_info",
+            CameraFormat::OrbSlam => "settings of ORB-SLAM",
+            CameraFormat::Camodocal => "a camera file of VINS",
+            CameraFormat::Colmap => "cameras of COLMAP",
+            CameraFormat::Euroc => "a sensor.yaml of EuRoC",
+            CameraFormat::Kitti => "a calibration of KITTI",
+        }
+    }
+}
+
+/// How a calibration is to be read; the default recognises everything.
+#[derive(Debug, Clone, Default)]
+pub struct CalibrationRequest {
+    /// The format (`None`: recognised by the contents).
+    pub format: Option<CameraFormat>,
+    /// The camera to take from a file of several (`None`: the first or usual one, with a note).
+    pub camera: Option<String>,
+    /// Columns and rows of the images, for files that do not say them.
+    pub size: Option<[u32; 2]>,
+}
+
+/// A calibration that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundCalibration {
+    /// The camera.
+    pub camera: CameraFile,
+    /// One sentence for everything that was left out, assumed or looks odd.
+    pub notes: Vec<String>,
+}
+
+/// Reads a calibration of any of the formats.
 ///
 /// # Errors
 /// [`SequenceError`] with the file, the line where there is one, what was expected and what was found: not a
 /// calibration at all, a missing key, a wrong count, a number that is not finite, a lens model or a coefficient this
-/// program does not have, a `camera` in a file of another format.
+/// program does not have, a choice of camera that the file does not offer, no image size or another one, numbers that
+/// no camera has ([`CameraFile::implausible`]).
 pub fn read_calibration(
     path: &Path,
+    request: &CalibrationRequest,
+) -> Result<FoundCalibration, SequenceError> {
+    let bytes = read_bytes(path)?;
+    let mut wanted = Wanted::new(request.camera.as_deref(), request.size);
+    let camera = parse(path, &bytes, request.format, &mut wanted)?.plausible(path)?;
+    let mut notes = wanted.into_notes();
+    notes.extend(camera.oddities());
+    Ok(FoundCalibration { camera, notes })
+}
+
+fn parse(
+    path: &Path,
+    bytes: &[u8],
     format: Option<CameraFormat>,
-    camera: Option<&str>,
+    wanted: &mut Wanted<'_>,
 ) -> Result<CameraFile, SequenceError> {
-    let text = read_text(path)?;
+    if format.is_none_or(|format| format == CameraFormat::Colmap)
+        && let Some(read) = colmap::parse_binary(path, bytes, wanted)
+    {
+        return read?.checked(path);
+    }
+    let text = decoded_text(path, bytes)?;
     let format = match format {
         Some(format) => format,
-        None => recognise(path, &text)?,
+        None => recognise::recognise(path, &text)?,
     };
-    if let (Some(camera), true) = (camera, format != CameraFormat::Kalibr) {
-        return Err(file_fault(
+    let read = match format {
+        CameraFormat::Toml => {
+            wanted.only_camera(path)?;
+            let camera = native::parse(path, &text)?;
+            wanted.size_of(path, Some([camera.width, camera.height]), "a size")?;
+            return Ok(camera);
+        }
+        CameraFormat::Colmap => colmap::parse_text(path, &text, wanted),
+        CameraFormat::Kitti => kitti::parse(path, &text, wanted),
+        tree => {
+            let text = yaml::standard_header(&text);
+            let documents = if text.trim_start().starts_with('<') {
+                xml::load(path, &text)?
+            } else {
+                yaml::load(path, &text)?
+            };
+            let root = Node::root(path, &documents)?;
+            match tree {
+                CameraFormat::Kalibr => kalibr::parse(&root, wanted),
+                CameraFormat::OpenCv => opencv::parse(&root, wanted),
+                CameraFormat::OrbSlam => orbslam::parse(&root, wanted),
+                CameraFormat::Camodocal => camodocal::parse(&root, wanted),
+                CameraFormat::Euroc => euroc::parse(&root, wanted),
+                _ => ros::parse(&root, wanted),
+            }
+        }
+    };
+    read?.checked(path)
+}
+
+/// Reads and checks `camera.toml` of a sequence.
+///
+/// # Errors
+/// As [`read_calibration`]; the file of another tool under this name is answered with the command that converts it.
+pub(crate) fn read_camera(path: &Path) -> Result<CameraFile, SequenceError> {
+    let text = decoded_text(path, &read_bytes(path)?)?;
+    if !recognise::looks_like_toml(&text)
+        && let Ok(format) = recognise::recognise(path, &text)
+        && format != CameraFormat::Toml
+    {
+        return Err(file::file_fault(
             path,
-            format!("a Kalibr file to choose {camera} from"),
-            "a file of one camera",
+            "a camera.toml",
+            format!(
+                "{}, which `mono-slam camera {path} --out {path}` converts",
+                format.title(),
+                path = path.display()
+            ),
         ));
     }
-    if format == CameraFormat::Toml {
-        return native::parse(path, &text);
-    }
-    let text = yaml::standard_header(&text);
-    let documents = yaml::load(path, &text)?;
-    let root = Node::root(path, &documents)?;
-    let found = match format {
-        CameraFormat::Kalibr => kalibr::parse(&root, camera.unwrap_or("cam0"))?,
-        CameraFormat::OpenCv => opencv::parse(&root)?,
-        CameraFormat::Ros | CameraFormat::Toml => ros::parse(&root)?,
-    };
-    found.checked(path)
+    native::parse(path, &text)?.plausible(path)
 }
 
 /// The calibration as the text of a file of the format.
 ///
 /// # Errors
-/// [`SequenceError::NoPlace`] for a lens the format cannot hold: Kalibr has no k3 and no rational lens.
+/// [`SequenceError::NoPlace`] for a lens the format cannot hold (Kalibr has no k3 and no rational lens), and for the
+/// formats that are only read.
 pub fn calibration_text(
     camera: &CameraFile,
     format: CameraFormat,
@@ -98,38 +210,9 @@ pub fn calibration_text(
         CameraFormat::Kalibr => kalibr::text(camera),
         CameraFormat::OpenCv => Ok(opencv::text(camera)),
         CameraFormat::Ros => Ok(ros::text(camera)),
-    }
-}
-
-/// The format of a text, from its first line and its keys.
-fn recognise(path: &Path, text: &str) -> Result<CameraFormat, SequenceError> {
-    let foreign = |found: String| {
-        file_fault(
-            path,
-            "a camera.toml, a Kalibr camchain, an OpenCV FileStorage or a ROS camera_info",
-            found,
-        )
-    };
-    let Some((_, first)) = content_lines(text).next() else {
-        return Err(foreign("an empty file".into()));
-    };
-    // In TOML the first thing is a table or a key with its equals sign; in none of the YAML files.
-    let before_equals = first.split('=').next().filter(|_| first.contains('='));
-    if first.starts_with('[') || before_equals.is_some_and(|key| !key.contains(':')) {
-        return Ok(CameraFormat::Toml);
-    }
-    let text = yaml::standard_header(text);
-    let documents = yaml::load(path, &text)?;
-    let Ok(root) = Node::root(path, &documents) else {
-        return Err(foreign(quoted(first)));
-    };
-    if ros::recognises(&root) {
-        Ok(CameraFormat::Ros)
-    } else if opencv::recognises(&root) {
-        Ok(CameraFormat::OpenCv)
-    } else if kalibr::recognises(&root) {
-        Ok(CameraFormat::Kalibr)
-    } else {
-        Err(foreign(format!("the keys {}", root.keys().join(", "))))
+        other => Err(SequenceError::NoPlace {
+            format: "this program, which only reads it,",
+            what: other.title().to_owned(),
+        }),
     }
 }

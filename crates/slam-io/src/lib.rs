@@ -3,14 +3,14 @@
 //!
 //! [`Sequence::open`] reads and checks a sequence folder, [`write_run`] writes every result of a run
 //! and [`read_run`] reads it back; [`read_calibration`] and [`calibration_text`] convert between
-//! `camera.toml`, Kalibr, OpenCV and ROS; [`read_tum`] reads trajectories; [`configuration`] is the
+//! `camera.toml`, Kalibr, OpenCV, ROS and others; [`read_tum`] reads trajectories; [`configuration`] is the
 //! TOML form of [`slam_pipeline::config::Config`].
 //!
 //! Use it to feed [`slam_pipeline::Slam`] from disk and to keep what it
 //! found. A robot that holds its images in memory and sends its poses elsewhere needs none of it.
 //!
 //! ```
-//! use slam_io::{CameraFormat, calibration_text, read_calibration};
+//! use slam_io::{CalibrationRequest, CameraFormat, calibration_text, read_calibration};
 //!
 //! let folder = std::env::temp_dir().join(format!("slam-io-front-page-{}", std::process::id()));
 //! std::fs::create_dir_all(&folder)?;
@@ -18,7 +18,7 @@
 //! std::fs::write(&kalibr, "cam0:\n  camera_model: pinhole\n  intrinsics: [458.6, 457.3, 367.2, 248.4]\n  \
 //!     distortion_model: none\n  distortion_coeffs: []\n  resolution: [752, 480]\n")?;
 //! // Recognised by its contents, written as the `camera.toml` of a sequence folder.
-//! let camera = read_calibration(&kalibr, None, None)?;
+//! let camera = read_calibration(&kalibr, &CalibrationRequest::default())?.camera;
 //! assert_eq!((camera.width, camera.fx), (752, 458.6));
 //! assert!(calibration_text(&camera, CameraFormat::Toml)?.contains("fx = 458.6"));
 //! # std::fs::remove_dir_all(&folder)?;
@@ -48,7 +48,8 @@ mod warning;
 
 pub use calibration::camera_toml;
 pub use camera::{
-    CameraFile, CameraFormat, MountFile, SigmaFile, calibration_text, read_calibration,
+    CalibrationRequest, CameraFile, CameraFormat, FoundCalibration, MountFile, SigmaFile,
+    calibration_text, read_calibration,
 };
 pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
@@ -64,6 +65,7 @@ pub use sequence::{
     Odometry, OdometryChoice, OdometryRow, OdometrySource, OpenOptions, Part, Sequence,
     SequenceFormat, Survey, odometry_csv, read_run_inputs,
 };
+pub use text::read_text;
 pub use tum::read_tum;
 pub use warning::Warning;
 

@@ -8,20 +8,55 @@ use crate::error::SequenceError;
 /// Longest piece of a file quoted in a message, in characters.
 const QUOTED_CHARS: usize = 40;
 
-/// Whole file as UTF-8 text.
-pub(crate) fn read_text(path: &Path) -> Result<String, SequenceError> {
-    let bytes = fs::read(path).map_err(|source| SequenceError::Read {
+/// Whole file as text; see [`decoded_text`].
+///
+/// # Errors
+/// [`SequenceError`] where the file cannot be read or is no text.
+pub fn read_text(path: &Path) -> Result<String, SequenceError> {
+    decoded_text(path, &read_bytes(path)?)
+}
+
+/// Whole file as bytes.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SequenceError> {
+    fs::read(path).map_err(|source| SequenceError::Read {
         path: path.to_path_buf(),
         source,
-    })?;
-    String::from_utf8(bytes).map_err(|error| SequenceError::File {
-        path: path.to_path_buf(),
-        expected: "UTF-8 text".into(),
-        found: format!(
-            "a foreign byte at offset {}",
-            error.utf8_error().valid_up_to()
-        ),
     })
+}
+
+/// The text of bytes in UTF-8, or in UTF-16 with a byte order mark as the shell of Windows writes it. The mark is left
+/// out.
+pub(crate) fn decoded_text(path: &Path, bytes: &[u8]) -> Result<String, SequenceError> {
+    let wide = |rest: &[u8], unit: fn([u8; 2]) -> u16| {
+        let (pairs, odd) = rest.as_chunks::<2>();
+        if !odd.is_empty() {
+            return None;
+        }
+        char::decode_utf16(pairs.iter().map(|pair| unit(*pair)))
+            .collect::<Result<String, _>>()
+            .ok()
+    };
+    let foreign = |expected: &str, found: String| SequenceError::File {
+        path: path.to_path_buf(),
+        expected: expected.into(),
+        found,
+    };
+    let utf16 = match bytes {
+        [0xff, 0xfe, rest @ ..] => Some(wide(rest, u16::from_le_bytes)),
+        [0xfe, 0xff, rest @ ..] => Some(wide(rest, u16::from_be_bytes)),
+        _ => None,
+    };
+    if let Some(text) = utf16 {
+        return text.ok_or_else(|| foreign("UTF-16 text", "a broken character".into()));
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(text.to_owned()),
+        Err(error) => Err(foreign(
+            "UTF-8 text",
+            format!("a foreign byte at offset {}", error.valid_up_to()),
+        )),
+    }
 }
 
 /// `found` in quotes, shortened so that a binary file does not flood the message.

@@ -96,7 +96,9 @@ fn a_run_is_solved_again_from_its_folder() {
         text.contains("before") && text.contains("fx (px)"),
         "{text}"
     );
-    let refined = slam_io::read_calibration(&camera, None, None).unwrap();
+    let refined = slam_io::read_calibration(&camera, &slam_io::CalibrationRequest::default())
+        .unwrap()
+        .camera;
     let sigma = refined.sigma.fx.unwrap();
     assert!(sigma > 0.0 && sigma < 0.01 * refined.fx, "{sigma}");
     assert!(

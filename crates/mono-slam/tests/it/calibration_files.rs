@@ -3,7 +3,7 @@
 use camera_calibration::{BoardSize, CalibrateError, CalibrationRun, CalibrationSettings, Outcome};
 use mono_geometry::calibration::LensModel;
 use mono_slam::calibrate::calibrate_files;
-use slam_io::{camera_toml, image_files, read_calibration, read_grey};
+use slam_io::{CalibrationRequest, camera_toml, image_files, read_calibration, read_grey};
 use slam_report::render_calibration_html;
 use std::path::PathBuf;
 
@@ -64,8 +64,9 @@ fn the_fixture_is_calibrated_the_same_on_any_number_of_threads() {
     let folder = Scratch::new("toml");
     let file = folder.0.join("camera.toml");
     std::fs::write(&file, &text).unwrap();
-    let read = read_calibration(&file, None, None)
+    let read = read_calibration(&file, &CalibrationRequest::default())
         .unwrap()
+        .camera
         .camera_and_mount()
         .unwrap()
         .0;

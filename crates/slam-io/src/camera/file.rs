@@ -94,6 +94,22 @@ impl Default for MountFile {
 }
 
 impl CameraFile {
+    /// A camera of another tool: fx, fy, cx, cy in pixels, at the default place on the body.
+    pub(super) fn of([width, height]: [u32; 2], numbers: [f64; 4], distortion: Distortion) -> Self {
+        let [fx, fy, cx, cy] = numbers;
+        CameraFile {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            distortion,
+            mount: MountFile::default(),
+            sigma: SigmaFile::default(),
+        }
+    }
+
     /// The camera and its mount on the body.
     ///
     /// # Errors
@@ -125,6 +141,13 @@ impl CameraFile {
                     side.to_string(),
                 ));
             }
+        }
+        if [self.fx, self.fy] == [0.0; 2] {
+            return Err(file_fault(
+                path,
+                "the numbers of a calibrated camera",
+                "fx and fy of zero, as a camera that was never calibrated has them",
+            ));
         }
         for (name, focal) in [("fx", self.fx), ("fy", self.fy)] {
             if !(focal.is_finite() && focal > 0.0) {

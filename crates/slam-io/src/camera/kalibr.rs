@@ -16,71 +16,100 @@ use super::yaml::Node;
 use crate::error::SequenceError;
 use mono_geometry::Distortion;
 
-use super::file::{CameraFile, MountFile, SigmaFile, file_fault, number, numbers};
+use super::file::{CameraFile, file_fault, number, numbers};
+use super::read::Wanted;
 
 /// Whether some key holds a camera.
 pub(super) fn recognises(root: &Node<'_>) -> bool {
-    let holds = |key: &String| {
-        root.get(key).is_some_and(|camera| {
-            camera.get("intrinsics").is_some() && camera.get("camera_model").is_some()
-        })
-    };
-    root.keys().iter().any(holds)
+    root.keys().iter().any(|key| is_camera(root, key))
 }
 
-pub(super) fn parse(root: &Node<'_>, name: &str) -> Result<CameraFile, SequenceError> {
-    let Some(camera) = root.get(name) else {
+fn is_camera(root: &Node<'_>, key: &str) -> bool {
+    root.get(key).is_some_and(|camera| {
+        camera.get("intrinsics").is_some()
+            && (camera.get("camera_model").is_some() || camera.get("resolution").is_some())
+    })
+}
+
+pub(super) fn parse(root: &Node<'_>, wanted: &mut Wanted<'_>) -> Result<CameraFile, SequenceError> {
+    let names: Vec<String> = root
+        .keys()
+        .into_iter()
+        .filter(|key| is_camera(root, key))
+        .collect();
+    let name = wanted.choose(root.path(), &names, Some("cam0"))?;
+    camera(&root.need(&[&name])?, wanted)
+}
+
+/// One camera: the mapping that holds its intrinsics. EuRoC's file of a sensor is such a mapping with other names.
+pub(super) fn camera(
+    camera: &Node<'_>,
+    wanted: &mut Wanted<'_>,
+) -> Result<CameraFile, SequenceError> {
+    if let Some(model) = camera.get("camera_model") {
+        match model.text()?.as_str() {
+            "pinhole" => {}
+            other => return Err(model.fault("pinhole", other)),
+        }
+    }
+    let numbers = camera.need(&["intrinsics"])?.array()?;
+    let size = match camera.get("resolution") {
+        Some(resolution) => Some(resolution.pixel_pair()?),
+        None => None,
+    };
+    let within = camera.place();
+    let size = wanted.size_of(camera.path(), size, &format!("the key resolution{within}"))?;
+    Ok(CameraFile::of(size, numbers, lens(camera, wanted)?))
+}
+
+fn lens(camera: &Node<'_>, wanted: &mut Wanted<'_>) -> Result<Distortion, SequenceError> {
+    let given = camera.get_any(&["distortion_coeffs", "distortion_coefficients"]);
+    let coefficients = match &given {
+        Some(node) => node.numbers()?,
+        None => Vec::new(),
+    };
+    let zero = coefficients.iter().all(|&value| value == 0.0);
+    let Some(model) = camera.get("distortion_model") else {
+        if zero {
+            wanted.note(format!(
+                "no distortion_model{}: taken for a camera without a lens",
+                camera.place()
+            ));
+            return Ok(Distortion::None);
+        }
         return Err(file_fault(
-            root.path(),
-            format!("a camera {name}"),
-            root.keys().join(", "),
+            camera.path(),
+            format!("the key distortion_model{}", camera.place()),
+            "coefficients without it",
         ));
     };
-    let model = camera.need(&["camera_model"])?;
+    let fault = |expected: &str| match &given {
+        Some(node) => node.fault(expected, coefficients.len().to_string()),
+        None => model.fault(expected, "none"),
+    };
     match model.text()?.as_str() {
-        "pinhole" => {}
-        other => return Err(model.fault("pinhole", other)),
-    }
-    let [fx, fy, cx, cy] = camera.need(&["intrinsics"])?.array()?;
-    let resolution = camera.need(&["resolution"])?;
-    let [width, height] = resolution.pixel_pair()?;
-    let model = camera.need(&["distortion_model"])?;
-    let distortion = match model.text()?.as_str() {
-        "none" => {
-            if let Some(given) = camera.get("distortion_coeffs")
-                && !given.numbers()?.iter().all(|&value| value == 0.0)
-            {
-                return Err(given.fault("no coefficients", "some"));
-            }
-            Distortion::None
-        }
-        "radtan" => {
-            let [k1, k2, p1, p2] = camera.need(&["distortion_coeffs"])?.array()?;
-            Distortion::Radtan {
+        "none" | "None" | "nothing" | "" => match &given {
+            Some(given) if !zero => Err(given.fault("no coefficients", "some")),
+            _ => Ok(Distortion::None),
+        },
+        // Empty lists and a fifth coefficient, k3 as OpenCV has it, are not Kalibr's own but are written by hand.
+        "radtan" | "radial-tangential" | "plumb_bob" => match coefficients.as_slice() {
+            [] => Ok(Distortion::None),
+            &[k1, k2, p1, p2, ref rest @ ..] if rest.len() <= 1 => Ok(Distortion::Radtan {
                 k1,
                 k2,
                 p1,
                 p2,
-                k3: 0.0,
-            }
-        }
-        "equidistant" => {
-            let [k1, k2, k3, k4] = camera.need(&["distortion_coeffs"])?.array()?;
-            Distortion::KannalaBrandt { k1, k2, k3, k4 }
-        }
-        other => return Err(model.fault("radtan, equidistant or none", other)),
-    };
-    Ok(CameraFile {
-        width,
-        height,
-        fx,
-        fy,
-        cx,
-        cy,
-        distortion,
-        mount: MountFile::default(),
-        sigma: SigmaFile::default(),
-    })
+                k3: rest.first().copied().unwrap_or(0.0),
+            }),
+            _ => Err(fault("4 numbers")),
+        },
+        "equidistant" | "equi" => match coefficients.as_slice() {
+            &[k1, k2, k3, k4] => Ok(Distortion::KannalaBrandt { k1, k2, k3, k4 }),
+            _ => Err(fault("4 numbers")),
+        },
+        other => Err(model.fault("radtan, equidistant or none", other)),
+    }
 }
 
 pub(super) fn text(camera: &CameraFile) -> Result<String, SequenceError> {

@@ -36,35 +36,24 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use crate::error::SequenceError;
-use crate::text::{line_fault, read_text};
+use crate::text::line_fault;
 use mono_geometry::Distortion;
 
 use super::file::{CameraFile, MountFile, SigmaFile, file_fault, number, numbers};
+use super::toml_fault::{line_of_key, syntax_fault};
 
 /// Largest believed deviation of `R^T R` from the identity, entry by entry: four written decimals.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
-/// Reads and checks a camera file.
-pub(crate) fn read_camera(path: &Path) -> Result<CameraFile, SequenceError> {
-    parse(path, &read_text(path)?)
-}
-
 /// Checks the text of a camera file.
 pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError> {
-    let raw: RawCamera = ::toml::from_str(text).map_err(|error| {
-        let offset = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..offset]
-            .iter()
-            .filter(|&&byte| byte == b'\n')
-            .count() as u64;
-        line_fault(
-            path,
-            line,
-            "a camera file",
-            error.message().replace('\n', " "),
-        )
-    })?;
-    let fault = |(expected, found): Fault| file_fault(path, expected, found);
+    let raw: RawCamera =
+        ::toml::from_str(text).map_err(|error| syntax_fault(path, text, &error))?;
+    // A fault names its key last; the line is where that stands.
+    let fault = |(expected, found): Fault| match line_named(text, &expected, &found) {
+        Some(line) => line_fault(path, line, expected, found),
+        None => file_fault(path, expected, found),
+    };
     if raw.model != "pinhole" {
         return Err(fault((
             "model = \"pinhole\"".into(),
@@ -199,6 +188,22 @@ struct RawMount {
 /// (expected, found).
 type Fault = (String, String);
 
+/// The line of the key that a fault speaks of: the word before "in [section]", or the model.
+fn line_named(text: &str, expected: &str, found: &str) -> Option<u64> {
+    if let Some(section) = expected.split_once(" as model of [") {
+        return line_of_key(text, Some(section.1.trim_end_matches(']')), "model");
+    }
+    if expected.starts_with("model = ") {
+        return line_of_key(text, None, "model");
+    }
+    let (before, after) = expected.split_once(" in [")?;
+    let section = after.split(']').next();
+    // A key that is missing has no line.
+    (found != "none")
+        .then(|| line_of_key(text, section, before.split_whitespace().last()?))
+        .flatten()
+}
+
 fn checked_distortion(raw: &RawDistortion) -> Result<Distortion, Fault> {
     let need = |name: &str, value: Option<f64>| match value {
         Some(value) if value.is_finite() => Ok(value),
@@ -258,10 +263,21 @@ fn checked_distortion(raw: &RawDistortion) -> Result<Distortion, Fault> {
                 k4: need("k4", raw.k4)?,
             })
         }
-        other => Err((
-            "\"radtan\", \"rational\" or \"kannala-brandt\" as model of [distortion]".into(),
-            format!("{other:?}"),
-        )),
+        other => {
+            let here = match other {
+                "plumb_bob" | "brown_conrady" | "opencv" | "radial-tangential" => Some("radtan"),
+                "rational_polynomial" => Some("rational"),
+                "equidistant" | "fisheye" | "kb4" => Some("kannala-brandt"),
+                _ => None,
+            };
+            Err((
+                "\"radtan\", \"rational\" or \"kannala-brandt\" as model of [distortion]".into(),
+                match here {
+                    Some(here) => format!("{other:?}, which is called \"{here}\" here"),
+                    None => format!("{other:?}"),
+                },
+            ))
+        }
     }
 }
 

@@ -86,16 +86,9 @@ impl<'a> Node<'a> {
     /// As [`Self::get_any`]; without any it is a fault.
     pub(super) fn need(&self, keys: &[&str]) -> Result<Self, SequenceError> {
         self.get_any(keys).ok_or_else(|| {
-            let within = if self.name.is_empty() {
-                String::new()
-            } else {
-                format!(" in {}", self.name)
-            };
-            file_fault(
-                self.path,
-                format!("the key {}{within}", keys.join(" or ")),
-                "none",
-            )
+            // The first name is the usual one; a list of every spelling helps nobody.
+            let name = keys.first().copied().unwrap_or_default();
+            file_fault(self.path, format!("the key {name}{}", self.place()), "none")
         })
     }
 
@@ -146,6 +139,20 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// The line of the key.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// Where this is, for a message about something missing in it: " in cam0", nothing at the top.
+    pub(super) fn place(&self) -> String {
+        if self.name.is_empty() {
+            String::new()
+        } else {
+            format!(" in {}", self.name)
+        }
+    }
+
     /// The file.
     pub(super) fn path(&self) -> &Path {
         self.path
@@ -158,15 +165,7 @@ impl<'a> Node<'a> {
         };
         entries
             .iter()
-            .map(|entry| {
-                Self {
-                    path: self.path,
-                    name: self.name.clone(),
-                    line: line_of(entry),
-                    value: untagged(entry),
-                }
-                .number()
-            })
+            .map(|entry| self.entry(entry).number())
             .collect()
     }
 
@@ -193,13 +192,44 @@ impl<'a> Node<'a> {
         Ok((rows, columns, values))
     }
 
-    /// fx, fy, cx, cy of a 3x3 camera matrix without skew.
-    pub(super) fn camera_matrix(&self) -> Result<[f64; 4], SequenceError> {
-        let (rows, columns, values) = self.matrix()?;
+    /// The numbers of a matrix, or of a list, or of a list of lists, row by row.
+    fn flat(&self) -> Result<(Option<[usize; 2]>, Vec<f64>), SequenceError> {
+        match &self.value.data {
+            YamlData::Sequence(entries) if entries.iter().any(|entry| is_list(untagged(entry))) => {
+                let mut values = Vec::new();
+                for entry in entries {
+                    values.extend(self.entry(entry).numbers()?);
+                }
+                Ok((None, values))
+            }
+            YamlData::Sequence(_) => Ok((None, self.numbers()?)),
+            _ => {
+                let (rows, columns, values) = self.matrix()?;
+                Ok((Some([rows, columns]), values))
+            }
+        }
+    }
+
+    /// The coefficients of a lens: a matrix of one row or column, or a list.
+    pub(super) fn coefficients(&self) -> Result<Vec<f64>, SequenceError> {
+        let (shape, values) = self.flat()?;
+        match shape {
+            Some([rows, columns]) if rows > 1 && columns > 1 => {
+                Err(self.fault("one row or one column", format!("{rows} x {columns}")))
+            }
+            _ => Ok(values),
+        }
+    }
+
+    /// fx, fy, cx, cy and the skew of a 3x3 camera matrix.
+    pub(super) fn camera_matrix(&self) -> Result<[f64; 5], SequenceError> {
+        let (shape, values) = self.flat()?;
         match values.as_slice() {
-            &[fx, skew, cx, zero, fy, cy, a, b, c] if rows == 3 && columns == 3 => {
-                if [skew, zero, a, b, c] == [0.0, 0.0, 0.0, 0.0, 1.0] {
-                    Ok([fx, fy, cx, cy])
+            &[fx, skew, cx, zero, fy, cy, a, b, c] if shape.is_none_or(|shape| shape == [3, 3]) => {
+                // A matrix of zeros is that of a camera never calibrated, which is told of its focal length.
+                let empty = values.iter().all(|&value| value == 0.0);
+                if [zero, a, b, c] == [0.0, 0.0, 0.0, 1.0] || empty {
+                    Ok([fx, fy, cx, cy, skew])
                 } else {
                     Err(self.fault(
                         "fx 0 cx, 0 fy cy, 0 0 1",
@@ -207,7 +237,23 @@ impl<'a> Node<'a> {
                     ))
                 }
             }
-            _ => Err(self.fault("3 x 3 numbers", format!("{rows} x {columns}"))),
+            _ => Err(self.fault(
+                "3 x 3 numbers",
+                match shape {
+                    Some([rows, columns]) => format!("{rows} x {columns}"),
+                    None => values.len().to_string(),
+                },
+            )),
+        }
+    }
+
+    /// An entry of this list.
+    fn entry(&self, entry: &'a MarkedYaml<'a>) -> Self {
+        Self {
+            path: self.path,
+            name: self.name.clone(),
+            line: line_of(entry),
+            value: untagged(entry),
         }
     }
 
@@ -231,6 +277,10 @@ fn untagged<'a>(value: &'a MarkedYaml<'a>) -> &'a MarkedYaml<'a> {
         YamlData::Tagged(_, inner) => untagged(inner),
         _ => value,
     }
+}
+
+fn is_list(value: &MarkedYaml<'_>) -> bool {
+    matches!(value.data, YamlData::Sequence(_))
 }
 
 /// A scalar as text.

@@ -7,6 +7,7 @@
 )]
 
 mod calibrations;
+mod calibrations_found;
 mod common;
 mod odometry_reading;
 mod output_writing;

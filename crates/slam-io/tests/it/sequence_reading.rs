@@ -334,12 +334,20 @@ fn wrong_odometry_is_named() {
     );
 }
 
+/// The message without the number of its line, where it has one.
+fn without_line(message: &str) -> String {
+    match message.split_once(", line ") {
+        Some((path, rest)) => format!("{path}{}", rest.trim_start_matches(char::is_numeric)),
+        None => message.to_owned(),
+    }
+}
+
 #[test]
 fn wrong_cameras_are_named() {
     let unknown = fault(with_camera("zoom = 3\n"));
     assert!(
         unknown.starts_with(
-            "SEQ/camera.toml, line 8: expected a camera file, found unknown field `zoom`"
+            "SEQ/camera.toml, line 8: expected one of the keys width, height, model, fx"
         ),
         "{unknown}"
     );
@@ -347,7 +355,10 @@ fn wrong_cameras_are_named() {
         "camera.toml",
         "width = 8\nheight = 6\nmodel = \"pinhole\"\nfx = 1.0\nfy = 1.0\ncx = 1.0\n",
     ));
-    assert!(missing.contains("missing field `cy`"), "{missing}");
+    assert!(
+        missing.contains("expected the key cy, found none"),
+        "{missing}"
+    );
     let broken = fault(with("camera.toml", "width = 8\nheight = = 6\n"));
     assert!(broken.starts_with("SEQ/camera.toml, line 2: "), "{broken}");
     let cases = [
@@ -372,7 +383,10 @@ fn wrong_cameras_are_named() {
     for (good, wrong, expected) in cases {
         let message =
             fault(|root| fs::write(root.join("camera.toml"), CAMERA.replace(good, wrong)).unwrap());
-        assert_eq!(message, format!("SEQ/camera.toml: {expected}"));
+        assert_eq!(
+            without_line(&message),
+            format!("SEQ/camera.toml: {expected}")
+        );
     }
 }
 
@@ -410,7 +424,7 @@ fn wrong_distortions_and_mounts_are_named() {
     ];
     for (extra, expected) in cases {
         assert_eq!(
-            fault(with_camera(extra)),
+            without_line(&fault(with_camera(extra))),
             format!("SEQ/camera.toml: {expected}")
         );
     }
@@ -423,7 +437,7 @@ fn wrong_distortions_and_mounts_are_named() {
     );
     let unknown = fault(with_camera("[mount]\nheight = 1\n"));
     assert!(
-        unknown.contains("line 9: expected a camera file, found unknown field `height`"),
+        unknown.contains("line 9: expected one of the keys position_in_body, rotation_body_from_camera in [mount]"),
         "{unknown}"
     );
 }
