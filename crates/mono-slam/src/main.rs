@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use commands::{batch, calibrate, camera, config, eval, features, match_images, report, run};
+use commands::{batch, calibrate, camera, config, eval, features, info, match_images, report, run};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ struct Cli {
 enum Command {
     /// Run SLAM on a sequence folder
     Run(run::Arguments),
+    /// Tell what lies in a sequence and what a run of it still needs
+    Info(info::Arguments),
     /// Solve the whole drive of a finished run at once: the limit of its filter, and constants of the robot
     Batch(batch::Arguments),
     /// Compare a trajectory with a reference: absolute and relative error
@@ -47,6 +49,7 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
         Command::Batch(arguments) => batch::run(&arguments),
         Command::Features(arguments) => features::run(&arguments),
         Command::Match(arguments) => match_images::run(&arguments),

@@ -18,12 +18,18 @@
 //!
 //! Where both reference files exist the planar one is used: it already speaks of the body.
 
+mod calibrations;
 mod columns;
 mod coverage;
+mod euroc;
 mod frames;
 mod ground_truth;
 mod gyro;
+mod kitti;
+mod kitti_raw;
+mod kitti_text;
 mod look;
+mod motions;
 mod native;
 mod odometry;
 mod options;
@@ -36,6 +42,7 @@ mod stand_in;
 mod steering;
 mod survey;
 mod times;
+mod tum_rgbd;
 mod wheels;
 
 use std::path::{Path, PathBuf};
@@ -46,7 +53,7 @@ use crate::camera::{CameraFile, CameraFormat, calibration_text, read_camera};
 use crate::error::SequenceError;
 use crate::images::{GreyImage, Images};
 use crate::warning::Warning;
-use native::CAMERA;
+use calibrations::CAMERA;
 use odometry::ODOMETRY;
 
 pub use options::{OdometryChoice, OpenOptions, SequenceFormat};
@@ -98,11 +105,25 @@ impl Survey {
             SequenceFormat::Native | SequenceFormat::Images => {
                 native::survey(path, format, options)
             }
+            SequenceFormat::Euroc => euroc::survey(path, options),
+            SequenceFormat::TumRgbd => tum_rgbd::survey(path, options),
+            SequenceFormat::Kitti => kitti::survey(path, options),
+            SequenceFormat::KittiRaw => kitti_raw::survey(path, options),
         };
         stand_in::fill_in(&mut survey, options);
         survey.name = folder_name(path);
         if let (Ok(images), Ok(camera)) = (&survey.images, &survey.camera) {
             survey.sizes = images.check_sizes(camera, &survey.camera_name);
+        }
+        if let Err(SequenceError::Missing { holds, .. }) = &mut survey.odometry {
+            if let Ok(Some(_)) = &survey.reference {
+                holds.push_str(
+                    "; the ground truth stands in for it with --odometry-from-groundtruth 0.02,0.01,1",
+                );
+            }
+            holds.push_str(
+                "; without any, --odometry none finds the motion from the images, up to scale",
+            );
         }
         Ok(survey)
     }

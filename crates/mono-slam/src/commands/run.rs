@@ -8,14 +8,13 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
 use mono_slam::{warnings, without_odometry};
-use slam_io::{
-    OdometrySource, OpenOptions, RunRecord, RunScale, Sequence, Warning, odometry_csv, write_run,
-};
+use slam_io::{OdometrySource, RunRecord, RunScale, Sequence, Warning, odometry_csv, write_run};
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use super::configuration::read_configuration;
+use super::sequence_options::SequenceOptions;
 use super::stand_in::StandIn;
 use super::threshold::{check_ate, metres};
 use crate::failure::Failure;
@@ -26,9 +25,11 @@ const LINE_EVERY: Duration = Duration::from_secs(3);
 /// Arguments of `mono-slam run`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Sequence folder: images/, times.txt, camera.toml, odometry.csv
+    /// Sequence: a folder with images/, times.txt, camera.toml and odometry.csv, or one of EuRoC, TUM RGB-D or KITTI
     #[arg(value_name = "SEQ")]
     sequence: PathBuf,
+    #[command(flatten)]
+    options: SequenceOptions,
     #[command(flatten)]
     stand_in: StandIn,
     /// Folder for the results; made when the run has succeeded
@@ -84,7 +85,7 @@ enum MethodName {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = settings(arguments)?;
     checked(config.clone())?;
-    let options = arguments.stand_in.options(OpenOptions::default());
+    let options = arguments.stand_in.options(arguments.options.open_options());
     let sequence = Sequence::open_with(&arguments.sequence, &options)?;
     let config = if sequence.odometry_source == OdometrySource::None {
         checked(without_odometry::settings(config, &sequence.times_s))?

@@ -98,7 +98,7 @@ pub(super) fn parse_text(
             parameters,
         });
     }
-    chosen(path, entries, wanted)
+    chosen(path, &entries, wanted)
 }
 
 /// The binary file; `None` where the bytes are no such file to their last one.
@@ -137,7 +137,7 @@ pub(super) fn parse_binary(
             parameters: values,
         });
     }
-    rest.is_empty().then(|| chosen(path, entries, wanted))
+    rest.is_empty().then(|| chosen(path, &entries, wanted))
 }
 
 fn take<const N: usize>(bytes: &[u8]) -> Option<([u8; N], &[u8])> {
@@ -152,7 +152,7 @@ fn model(name: &str) -> Option<(&'static str, usize)> {
 /// The camera asked for, or the only one, or the one that all of them are.
 fn chosen(
     path: &Path,
-    entries: Vec<Entry>,
+    entries: &[Entry],
     wanted: &mut Wanted<'_>,
 ) -> Result<CameraFile, SequenceError> {
     let ids = || {
@@ -167,7 +167,7 @@ fn chosen(
             .iter()
             .find(|entry| entry.id.to_string() == name)
             .ok_or_else(|| file_fault(path, format!("a camera {name}"), ids()))?,
-        None => match entries.as_slice() {
+        None => match entries {
             [] => return Err(file_fault(path, "at least one camera", "none")),
             [first, others @ ..] if others.iter().all(|other| equal(first, other)) => first,
             _ => {

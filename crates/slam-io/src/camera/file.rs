@@ -132,7 +132,7 @@ impl CameraFile {
     }
 
     /// The file with a lens of zeros taken for none, or what is wrong with its numbers.
-    pub(super) fn checked(mut self, path: &Path) -> Result<Self, SequenceError> {
+    pub(crate) fn checked(mut self, path: &Path) -> Result<Self, SequenceError> {
         for (name, side) in [("width", self.width), ("height", self.height)] {
             if side == 0 || side > MAX_SIDE_PIXELS {
                 return Err(file_fault(

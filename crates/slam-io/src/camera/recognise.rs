@@ -37,7 +37,8 @@ pub(super) fn recognise(path: &Path, text: &str) -> Result<CameraFormat, Sequenc
     let Ok(root) = Node::root(path, &documents) else {
         return Err(foreign(quoted(first)));
     };
-    let formats: [(CameraFormat, fn(&Node<'_>) -> bool); 6] = [
+    type Recognises = fn(&Node<'_>) -> bool;
+    let formats: [(CameraFormat, Recognises); 6] = [
         (CameraFormat::Ros, ros::recognises),
         (CameraFormat::OpenCv, opencv::recognises),
         (CameraFormat::OrbSlam, orbslam::recognises),

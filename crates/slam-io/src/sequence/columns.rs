@@ -6,8 +6,12 @@
 
 use std::path::Path;
 
+use super::stamps::{TimeUnit, median_step, refuse_other_units};
 use crate::error::SequenceError;
 use crate::text::{content_lines, finite, line_fault, quoted, read_text};
+
+/// Rows whose times tell their unit.
+const TIMES_LOOKED_AT: usize = 50;
 
 /// A quantity and the names that headers give it, all in lower case; the first is the name of this program's own files.
 #[derive(Debug, Clone, Copy)]
@@ -281,15 +285,39 @@ impl<'a> Table<'a> {
             .map(|(_, name)| name.as_str())
             .collect();
         let ignored = (!ignored.is_empty()).then(|| format!("not read: {}", ignored.join(", ")));
-        let parts: Vec<String> = renamed.into_iter().chain(ignored).collect();
+        let unit = self.time_unit(selection);
+        let unit = (unit != TimeUnit::Seconds)
+            .then(|| format!("the times are {} since 1970", unit.name()));
+        let parts: Vec<String> = renamed.into_iter().chain(ignored).chain(unit).collect();
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 
-    /// The rows, (line number, values in the order of the selection); at least one. O(length of the text).
+    /// The unit of the selection's first column, the time, by its first rows.
+    fn time_unit<const N: usize>(&self, selection: &Selection<N>) -> TimeUnit {
+        let Some(&index) = selection.indices.first() else {
+            return TimeUnit::Seconds;
+        };
+        let times: Vec<f64> = content_lines(&self.text)
+            .filter(|&(line, _)| line > self.header_line)
+            .take(TIMES_LOOKED_AT)
+            .filter_map(|(_, content)| {
+                let cell = self.separator.cells(content).nth(index)?;
+                cell.parse().ok()
+            })
+            .collect();
+        times
+            .first()
+            .and_then(|&first| TimeUnit::since_1970(first, median_step(&times)))
+            .unwrap_or(TimeUnit::Seconds)
+    }
+
+    /// The rows, (line number, values in the order of the selection, the first of which is the time); at least one.
+    /// O(length of the text).
     pub(crate) fn rows<const N: usize>(
         &self,
         selection: &Selection<N>,
     ) -> Result<Vec<(u64, [f64; N])>, SequenceError> {
+        let unit = self.time_unit(selection);
         let mut rows = Vec::new();
         let mut cells: Vec<&str> = Vec::with_capacity(self.header.len());
         for (line, content) in content_lines(&self.text) {
@@ -310,6 +338,9 @@ impl<'a> Table<'a> {
             for (value, &index) in values.iter_mut().zip(&selection.indices) {
                 *value = finite(self.path, line, &self.header[index], cells[index])?;
             }
+            if let (Some(time_s), Some(&index)) = (values.first_mut(), selection.indices.first()) {
+                *time_s = unit.seconds(cells[index], *time_s);
+            }
             rows.push((line, values));
         }
         if rows.is_empty() {
@@ -319,6 +350,11 @@ impl<'a> Table<'a> {
                 found: "the header alone".into(),
             });
         }
+        let times_s: Vec<f64> = rows
+            .iter()
+            .filter_map(|(_, values): &(u64, [f64; N])| values.first().copied())
+            .collect();
+        refuse_other_units(self.path, "rows", &times_s)?;
         Ok(rows)
     }
 }

@@ -15,6 +15,24 @@ pub(super) struct Frames {
     pub(super) times_s: Part<Vec<f64>>,
 }
 
+impl Frames {
+    /// Time of the first image, if it is known.
+    pub(super) fn first_s(&self) -> Option<f64> {
+        self.times_s.as_ref().ok()?.first().copied()
+    }
+
+    /// Columns and rows of the first image, if it can be read.
+    pub(super) fn size(&self) -> Option<[u32; 2]> {
+        let (width, height) = self.images.as_ref().ok()?.size(0).ok()?;
+        Some([width, height])
+    }
+}
+
+/// The times, where there are any.
+pub(super) fn known(times_s: &Part<Vec<f64>>) -> Option<&[f64]> {
+    times_s.as_deref().ok().filter(|times| !times.is_empty())
+}
+
 /// The frames of image files whose times are in `list`; where there is no list, in the names of the files.
 pub(super) fn frames_of(files: Vec<PathBuf>, list: &Path, warnings: &mut Vec<Warning>) -> Frames {
     let names: Vec<String> = files
@@ -95,13 +113,9 @@ fn opened(whole: WholeFiles, warnings: &mut Vec<Warning>) -> Images {
 
 fn no_times(list: &Path, images: usize) -> SequenceError {
     let example = if images > 0 {
-        let last = format!("{:.1}", 0.1 * (images - 1) as f64);
-        format!(
-            "; for images at an even 10 Hz `seq 0 0.1 {last} > {}` writes it",
-            list.display()
-        )
+        "; for images at an even rate --fps 10 (their number a second) stands in for it"
     } else {
-        String::new()
+        ""
     };
     SequenceError::Missing {
         path: list.to_path_buf(),

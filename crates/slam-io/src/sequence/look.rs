@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::native::CAMERA;
+use super::calibrations::CAMERA;
 use super::odometry::ODOMETRY;
 use super::options::SequenceFormat;
+use super::{euroc, kitti, kitti_raw, tum_rgbd};
 use crate::error::SequenceError;
 use crate::images::{IMAGE_ENDINGS, listed_images, what_lies_there};
 
@@ -45,9 +46,19 @@ pub(super) fn format_of(path: &Path) -> Result<SequenceFormat, SequenceError> {
 
 /// The layout of a folder that shows it by the names in it.
 fn layout_of(path: &Path) -> Option<SequenceFormat> {
-    path.join("images")
-        .is_dir()
-        .then_some(SequenceFormat::Native)
+    if path.join("images").is_dir() {
+        Some(SequenceFormat::Native)
+    } else if euroc::base_of(path).is_some() {
+        Some(SequenceFormat::Euroc)
+    } else if path.join(tum_rgbd::LIST).is_file() {
+        Some(SequenceFormat::TumRgbd)
+    } else if kitti_raw::images_folder(path).is_some() {
+        Some(SequenceFormat::KittiRaw)
+    } else if kitti::images_folder(path).is_some() {
+        Some(SequenceFormat::Kitti)
+    } else {
+        None
+    }
 }
 
 /// Whether one of the text files of the native layout lies there.

@@ -8,18 +8,37 @@ use std::path::PathBuf;
 pub enum SequenceFormat {
     /// `images/`, `times.txt`, `camera.toml`, `odometry.csv`.
     Native,
+    /// EuRoC and TUM-VI: `mav0/cam0`.
+    Euroc,
+    /// TUM RGB-D: `rgb.txt`, `rgb/`, `groundtruth.txt`.
+    TumRgbd,
+    /// KITTI odometry: `image_0`, `times.txt`, `calib.txt`.
+    Kitti,
+    /// KITTI raw: `image_00/data`, `oxts`.
+    KittiRaw,
     /// Images directly in the folder, the text files of the native layout beside them as far as there are any.
     Images,
 }
 
 impl SequenceFormat {
     /// All formats.
-    pub const ALL: [SequenceFormat; 2] = [SequenceFormat::Native, SequenceFormat::Images];
+    pub const ALL: [SequenceFormat; 6] = [
+        SequenceFormat::Native,
+        SequenceFormat::Euroc,
+        SequenceFormat::TumRgbd,
+        SequenceFormat::Kitti,
+        SequenceFormat::KittiRaw,
+        SequenceFormat::Images,
+    ];
 
     /// The name that `--format` takes.
     pub fn name(self) -> &'static str {
         match self {
             SequenceFormat::Native => "native",
+            SequenceFormat::Euroc => "euroc",
+            SequenceFormat::TumRgbd => "tum",
+            SequenceFormat::Kitti => "kitti",
+            SequenceFormat::KittiRaw => "kitti-raw",
             SequenceFormat::Images => "images",
         }
     }

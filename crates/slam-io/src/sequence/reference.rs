@@ -7,8 +7,9 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
+use super::motions::isometry_of;
 use super::survey::Part;
 use crate::camera::MountFile;
 use crate::error::SequenceError;
@@ -63,18 +64,6 @@ fn read_planar(path: &Path) -> Result<Vec<(f64, Isometry3<f64>)>, SequenceError>
         ));
     }
     Ok(poses)
-}
-
-/// `body_from_camera`.
-pub(super) fn isometry_of(mount: &MountFile) -> Isometry3<f64> {
-    let rows = mount.rotation_body_from_camera;
-    let rotation =
-        Rotation3::from_matrix_unchecked(Matrix3::from_fn(|row, column| rows[row][column]));
-    let [x, y, z] = mount.position_in_body;
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_rotation_matrix(&rotation),
-    )
 }
 
 /// Poses relative to the one at the first frame's time (or to the first of all), flattened.

@@ -53,6 +53,18 @@ pub(super) fn read_times(
     })
 }
 
+/// Reads a list of times alone.
+pub(super) fn read_column(
+    path: &Path,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<f64>, SequenceError> {
+    let text = read_text(path)?;
+    let rows: Vec<Row<'_>> = content_lines(&text)
+        .map(|(line, content)| Row::parse(path, line, content))
+        .collect::<Result<_, _>>()?;
+    in_seconds(path, &rows, warnings)
+}
+
 /// The times that the names of images tell; `None` where they tell none.
 pub(super) fn times_of_names(names: &[String], warnings: &mut Vec<Warning>) -> Option<Vec<f64>> {
     let stamps: Vec<(&str, f64)> = names

@@ -12,5 +12,6 @@ mod common;
 mod odometry_reading;
 mod output_writing;
 mod sequence_images;
+mod sequence_layouts;
 mod sequence_reading;
 mod standing_in;
