@@ -21,7 +21,7 @@ impl FrameSnapshot {
             )));
         }
         let mut bytes = Vec::new();
-        PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
             .write_image(
                 &self.pixels,
                 u32::try_from(self.width).map_err(OutputError::encoding)?,
