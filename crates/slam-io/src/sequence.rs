@@ -153,7 +153,10 @@ impl Sequence {
         let survey = Survey::of(path, options)?;
         let (images, times_s, camera) = (survey.images?, survey.times_s?, survey.camera?);
         survey.sizes?;
-        let odometry = survey.odometry?;
+        let mut odometry = survey.odometry?;
+        if options.odometry_offset_s != 0.0 {
+            odometry = odometry.later(options.odometry_offset_s, times_s[0]);
+        }
         Ok(Sequence {
             name: survey.name,
             root: survey.root,

@@ -17,11 +17,15 @@ pub struct Warning {
 }
 
 impl Warning {
-    /// A warning called `name` that says `message`.
+    /// A warning called `name` that says `message`; a full stop is added where it has none.
     pub fn new(name: impl Into<String>, message: impl Into<String>) -> Self {
+        let mut message = message.into();
+        if !message.ends_with(['.', '?']) {
+            message.push('.');
+        }
         Self {
             name: name.into(),
-            message: message.into(),
+            message,
         }
     }
 }

@@ -12,6 +12,10 @@ pub(crate) struct StandIn {
     /// square root of a second, and a seed, such as 0.02,0.01,1
     #[arg(long, value_name = "SIGMA_V,SIGMA_W,SEED", value_parser = noise, conflicts_with = "odometry")]
     odometry_from_groundtruth: Option<OdometryChoice>,
+    /// Seconds to be added to the times of the odometry, where its clock differs
+    /// from that of the camera; a run that finds them apart says by how much
+    #[arg(long, value_name = "SECONDS", value_parser = offset, allow_hyphen_values = true, default_value = "0")]
+    odometry_offset: f64,
     /// Images a second, where there is no times.txt
     #[arg(long, value_name = "HZ", value_parser = rate)]
     fps: Option<f64>,
@@ -34,6 +38,7 @@ impl StandIn {
                 (None, OdometryName::Found) => OdometryChoice::Found,
                 (None, OdometryName::None) => OdometryChoice::Without,
             },
+            odometry_offset_s: self.odometry_offset,
             frames_per_second: self.fps,
             ..options
         }
@@ -66,5 +71,12 @@ fn rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(rate),
         _ => Err("expected a positive number of images a second".to_owned()),
+    }
+}
+
+fn offset(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(offset) if offset.is_finite() => Ok(offset),
+        _ => Err("expected a number of seconds".to_owned()),
     }
 }

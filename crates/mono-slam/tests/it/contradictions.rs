@@ -237,3 +237,28 @@ fn regress_wheels_that_slip_do_not_take_the_robot_along() {
     let frames = fs::read_to_string(wall.0.join("out/frames.csv")).unwrap();
     assert!(frames.contains("odometry in doubt"));
 }
+
+#[test]
+fn the_offset_of_a_clock_is_taken_off_again() {
+    let wall = Wall::new("clock");
+    wall.odometry(|t, v, w| (t + 0.25, v, w));
+    let moved = wall.run(&["--odometry-offset", "-0.25"]);
+    assert!(moved.status.success());
+    let trajectory = |wall: &Wall| fs::read_to_string(wall.0.join("out/trajectory.tum")).unwrap();
+    let plain = Wall::new("plain");
+    assert!(plain.run(&[]).status.success());
+    let poses = |text: &str| -> Vec<f64> {
+        let numbers = text
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .flat_map(str::split_whitespace);
+        numbers.map(|number| number.parse().unwrap()).collect()
+    };
+    // The sums of the times differ in their last bits.
+    for (a, b) in poses(&trajectory(&wall))
+        .iter()
+        .zip(poses(&trajectory(&plain)))
+    {
+        assert!((a - b).abs() < 1e-6, "{a} {b}");
+    }
+}

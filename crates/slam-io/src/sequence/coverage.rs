@@ -207,14 +207,14 @@ mod tests {
             said(tenths(0, 30).chain(tenths(41, 95)), &images),
             [
                 "[odometry-hole] odometry.csv has no row from 3 to 4.1 s, rows usually come every 0.1 s: 1.1 s long the speed \
-              before it is held, 0.20 m/s and 0.00 rad/s"
+              before it is held, 0.20 m/s and 0.00 rad/s."
             ]
         );
         assert_eq!(
             said(tenths(0, 30), &images),
             [
                 "[odometry-ends-early] odometry.csv ends at 3 s, the images at 9.5 s: for 6.5 s its last speed is held, 0.20 m/s \
-              and 0.00 rad/s"
+              and 0.00 rad/s."
             ]
         );
         let many = [
@@ -224,7 +224,7 @@ mod tests {
             said(many, &images),
             [
                 "[odometry-hole] odometry.csv has no row from 0.8 to 2 s, 2 to 4 s, 4 to 6 s and 1 more, rows usually come every \
-              0.1 s: the speed before each is held meanwhile"
+              0.1 s: the speed before each is held meanwhile."
             ]
         );
         // One row is a constant speed.

@@ -28,6 +28,13 @@ pub(super) fn survey(root: &Path, format: SequenceFormat, options: &OpenOptions)
         .unwrap_or_else(|| Camera::of_layout(Err(no_camera(root, "")), "camera.toml"));
     let reference = read_reference(root, &camera.mount(), first_s);
     let Frames { images, times_s } = frames;
+    // What the odometry is held against: the frames by its own clock.
+    let by_odometry: Option<Vec<f64>> = known(&times_s).map(|times| {
+        times
+            .iter()
+            .map(|t_s| t_s - options.odometry_offset_s)
+            .collect()
+    });
     Survey {
         name: String::new(),
         root: root.to_path_buf(),
@@ -36,7 +43,7 @@ pub(super) fn survey(root: &Path, format: SequenceFormat, options: &OpenOptions)
         camera: camera.camera,
         camera_name: camera.name,
         sizes: Ok(()),
-        odometry: find_odometry(root, known(&times_s), &mut warnings),
+        odometry: find_odometry(root, by_odometry.as_deref(), &mut warnings),
         reference,
         times_s,
         warnings,

@@ -315,7 +315,7 @@ fn checked(
         warnings.push(Warning::new(
             "turn-rate-implausible",
             format!(
-                "the largest omega_radps is {fastest:.1}, {:.1} turns a second: if it is in degrees per second, it is {:.2} rad/s",
+                "The largest omega_radps is {fastest:.1}, {:.1} turns a second: if it is in degrees per second, it is {:.2} rad/s",
                 fastest / core::f64::consts::TAU,
                 fastest.to_radians()
             ),

@@ -59,6 +59,8 @@ pub struct OpenOptions {
     pub camera: Option<PathBuf>,
     /// Where the odometry is to come from.
     pub odometry: OdometryChoice,
+    /// Added to the times of the odometry, seconds: the clock of the camera minus that of the wheels.
+    pub odometry_offset_s: f64,
     /// Images a second, for images without times.
     pub frames_per_second: Option<f64>,
 }

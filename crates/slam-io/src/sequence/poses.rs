@@ -52,7 +52,7 @@ pub(super) fn remarks(name: &str, poses: &[(f64, Se2)]) -> Vec<Warning> {
         remarks.push(Warning::new(
             "odometry-sideways",
             format!(
-                "the poses of {name} move {aside:.2} m sideways and {along:.2} m along their x axis: is x forward and the \
+                "The poses of {name} move {aside:.2} m sideways and {along:.2} m along their x axis: is x forward and the \
                  heading in radians?"
             ),
         ));

@@ -25,6 +25,21 @@ pub struct Odometry {
     pub(crate) file: Option<PathBuf>,
 }
 
+impl Odometry {
+    /// The same with `offset_s` added to the times. A first row that then comes after the first frame is held back to it.
+    pub(crate) fn later(mut self, offset_s: f64, first_frame_s: f64) -> Self {
+        for row in &mut self.rows {
+            row.t_s += offset_s;
+        }
+        if let Some(first) = self.rows.first_mut() {
+            first.t_s = first.t_s.min(first_frame_s);
+        }
+        // The file has the times as they were.
+        self.file = None;
+        self
+    }
+}
+
 /// Where the odometry of a sequence came from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OdometrySource {
@@ -89,4 +104,30 @@ pub(super) fn usual_interval_s(times_s: &[f64]) -> Option<f64> {
     }
     let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
     Some(*median)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offset_moves_every_row_and_holds_the_first_back() {
+        let row = |t_s: f64| OdometryRow {
+            t_s,
+            v_mps: t_s,
+            omega_radps: 0.0,
+        };
+        let odometry = Odometry {
+            rows: vec![row(0.0), row(0.1), row(0.2)],
+            source: OdometrySource::Wheels,
+            file: Some(PathBuf::from("odometry.csv")),
+        };
+        let times = |offset_s: f64| {
+            let moved = odometry.clone().later(offset_s, 0.0);
+            assert_eq!(moved.file, None);
+            moved.rows.iter().map(|row| row.t_s).collect::<Vec<_>>()
+        };
+        assert_eq!(times(-0.5), [-0.5, -0.4, -0.3]);
+        assert_eq!(times(0.5), [0.0, 0.6, 0.7]);
+    }
 }

@@ -36,7 +36,7 @@ pub(super) fn fill_in(survey: &mut Survey, options: &OpenOptions) {
             forget_odometry(survey);
             survey.warnings.push(Warning::new(
                 "scale-unknown",
-                "there is no odometry, so nothing tells a length: the first step counts as 0.1 units, path and map are right \
+                "There is no odometry, so nothing tells a length: the first step counts as 0.1 units, path and map are right \
                  up to one factor at best, and the factor may drift along the way",
             ));
             survey.odometry = Ok(Odometry {
@@ -83,7 +83,7 @@ fn from_ground_truth(
     survey.warnings.push(Warning::new(
         "odometry-from-ground-truth",
         format!(
-            "the odometry is made from the ground truth with noise of {sigma_v} m and {sigma_w} rad per square root of a \
+            "The odometry is made from the ground truth with noise of {sigma_v} m and {sigma_w} rad per square root of a \
              second, seed {seed}: errors of this run say nothing about a robot's own wheels"
         ),
     ));
@@ -130,7 +130,7 @@ fn guess_camera(survey: &mut Survey) {
     survey.warnings.push(Warning::new(
         "camera-guessed",
         format!(
-            "THERE IS NO CALIBRATION: a lens without distortion of {USUAL_VIEW_DEG:.0} degrees, looking straight ahead, is \
+            "There is no calibration: a lens without distortion of {USUAL_VIEW_DEG:.0} degrees, looking straight ahead, is \
              guessed (fx = fy = {focal:.0} px), and every angle of the result is only as good as that; `mono-slam calibrate` \
              makes a camera.toml, --camera names one"
         ),
@@ -147,7 +147,7 @@ fn assume_rate(survey: &mut Survey, rate_hz: Option<f64>) {
     survey.warnings.push(Warning::new(
         "frame-rate-assumed",
         format!(
-            "there is no times.txt: {rate} images a second are {}",
+            "There is no times.txt: {rate} images a second are {}",
             if rate_hz.is_some() {
                 "what --fps says"
             } else {

@@ -89,7 +89,7 @@ pub(super) fn read_wheels(
         warnings.push(Warning::new(
             "coarse-encoders",
             format!(
-                "one tick of a wheel is {:.1} mm and turns the robot by {finest:.3} rad: the noise of [odometry] does not \
+                "One tick of a wheel is {:.1} mm and turns the robot by {finest:.3} rad: the noise of [odometry] does not \
                  cover that from one frame to the next; raise turn_per_sqrt_s to about {finest:.2}",
                 1e3 * metres[0].max(metres[1]),
             ),

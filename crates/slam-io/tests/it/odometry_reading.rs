@@ -242,7 +242,7 @@ fn coarse_encoders_are_named() {
     assert!(
         read.warnings[0]
             .message
-            .starts_with("one tick of a wheel is 10.4 mm and turns the robot by 0.069 rad")
+            .starts_with("One tick of a wheel is 10.4 mm and turns the robot by 0.069 rad")
     );
 }
 
@@ -335,7 +335,7 @@ fn poses_are_read_as_their_differences() {
         assert_eq!(names(&read), ["odometry-from-poses"]);
         assert_eq!(
             read.warnings[0].message,
-            "odometry.csv holds poses: the speeds are their differences, 3 in all"
+            "odometry.csv holds poses: the speeds are their differences, 3 in all."
         );
         for (row, (v, omega)) in read.odometry.iter().zip(steps) {
             assert!((row.v_mps - v).abs() < 1e-12, "{row:?}");
@@ -376,10 +376,10 @@ fn regress_headers_of_other_programs_are_read_by_name() {
     let read = open(&TWO, &[("odometry.csv", &cases[5].0)]);
     assert_eq!(
         read.warnings[0].message,
-        "odometry.csv: timestamp is read as t_s; linear_x is read as v_mps; angular_z is read as omega_radps"
+        "odometry.csv: timestamp is read as t_s; linear_x is read as v_mps; angular_z is read as omega_radps."
     );
     let read = open(&TWO, &[("odometry.csv", other_order)]);
-    assert_eq!(read.warnings[0].message, "odometry.csv: not read: dist");
+    assert_eq!(read.warnings[0].message, "odometry.csv: not read: dist.");
     // Another unit is another quantity.
     let message = fault(&TWO, &[("odometry.csv", "t_s,v_kmh,omega_degps\n0,1,1\n")]);
     assert_eq!(
@@ -403,7 +403,7 @@ fn units_that_do_not_fit_are_named() {
     assert_eq!(names(&read), ["turn-rate-implausible"]);
     assert_eq!(
         read.warnings[0].message,
-        "the largest omega_radps is 17.2, 2.7 turns a second: if it is in degrees per second, it is 0.30 rad/s"
+        "The largest omega_radps is 17.2, 2.7 turns a second: if it is in degrees per second, it is 0.30 rad/s."
     );
     assert_eq!(read.odometry[0].omega_radps, -17.2, "nothing is changed");
 }
@@ -419,7 +419,7 @@ fn regress_a_first_row_shortly_after_the_first_image_is_accepted() {
     assert_eq!(names(&read), ["odometry-begins-late"]);
     assert_eq!(
         read.warnings[0].message,
-        "odometry.csv begins 0.05 s after the first image: its first speed is taken for that time, too"
+        "odometry.csv begins 0.05 s after the first image: its first speed is taken for that time, too."
     );
     let held: f64 = read
         .odometry_between(0.0, 0.5)
@@ -443,7 +443,7 @@ fn regress_speeds_held_for_long_are_named() {
     assert_eq!(names(&read), ["odometry-ends-early", "odometry-hole"]);
     assert_eq!(
         read.warnings[0].message,
-        "odometry.csv ends at 3 s, the images at 9.5 s: for 6.5 s its last speed is held, 0.20 m/s and 0.10 rad/s"
+        "odometry.csv ends at 3 s, the images at 9.5 s: for 6.5 s its last speed is held, 0.20 m/s and 0.10 rad/s."
     );
     let holes = read.odometry_holes();
     assert_eq!(holes.len(), 2);
@@ -462,7 +462,7 @@ fn one_file_of_several_is_read_and_named() {
     );
     assert_eq!(
         read.warnings[0].to_string(),
-        "[odometry-not-used] odometry.csv is read, wheels.csv is not"
+        "[odometry-not-used] odometry.csv is read, wheels.csv is not."
     );
 }
 
