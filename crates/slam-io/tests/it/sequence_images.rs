@@ -251,7 +251,7 @@ fn regress_times_since_1970_in_another_unit_are_converted() {
     assert!(
         columns
             .message
-            .ends_with("the times are nanoseconds since 1970"),
+            .ends_with("the times are nanoseconds since 1970."),
         "{columns}"
     );
     // Counted from zero nothing is certain.
