@@ -8,7 +8,7 @@ use crate::error::SequenceError;
 /// Longest piece of a file quoted in a message, in characters.
 const QUOTED_CHARS: usize = 40;
 
-/// Whole file as text; see [`decoded_text`].
+/// Whole file as text; see `decoded_text`.
 ///
 /// # Errors
 /// [`SequenceError`] where the file cannot be read or is no text.
