@@ -11,6 +11,7 @@ mod calibration_files;
 mod commands;
 mod contradictions;
 mod fixtures;
+mod info_command;
 mod recorded_board;
 mod refinement;
 mod smoothed_path;
