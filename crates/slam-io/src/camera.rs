@@ -25,6 +25,7 @@ mod camodocal;
 mod colmap;
 mod euroc;
 mod file;
+mod info;
 mod kalibr;
 mod kitti;
 mod native;
@@ -47,6 +48,7 @@ use read::Wanted;
 use yaml::Node;
 
 pub use file::{CameraFile, MountFile, SigmaFile};
+pub(crate) use info::camera_of_info;
 
 /// The file format of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

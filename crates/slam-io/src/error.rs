@@ -44,6 +44,9 @@ pub enum SequenceError {
         /// Its contents, and the command that would write it.
         holds: String,
     },
+    /// A recorded log is damaged, or none that is read.
+    #[error(transparent)]
+    Log(#[from] robot_logs::LogError),
     /// A frame was asked for that the sequence does not have.
     #[error("frame {index} was asked for, the sequence has {frames} frames")]
     NoSuchFrame {

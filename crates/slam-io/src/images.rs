@@ -11,5 +11,5 @@ pub use list::image_files;
 pub use source::Images;
 
 pub(crate) use list::{IMAGE_ENDINGS, listed_images, what_lies_there};
-pub(crate) use source::ImageFiles;
+pub(crate) use source::{ImageFiles, ImageSource};
 pub(crate) use whole::{WholeFiles, whole_files};

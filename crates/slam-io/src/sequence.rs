@@ -18,6 +18,7 @@
 //!
 //! Where both reference files exist the planar one is used: it already speaks of the body.
 
+mod bag;
 mod calibrations;
 mod columns;
 mod coverage;
@@ -98,10 +99,12 @@ impl Survey {
     /// [`SequenceError`] when there is no sequence at `path` at all; a fault of one piece is in that piece.
     pub fn of(path: &Path, options: &OpenOptions) -> Result<Survey, SequenceError> {
         let format = match options.format {
+            Some(SequenceFormat::Log) => SequenceFormat::Log,
             Some(format) if path.is_dir() => format,
             _ => look::format_of(path)?,
         };
         let mut survey = match format {
+            SequenceFormat::Log => bag::survey(path, options)?,
             SequenceFormat::Native | SequenceFormat::Images => {
                 native::survey(path, format, options)
             }

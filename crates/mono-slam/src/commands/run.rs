@@ -25,7 +25,8 @@ const LINE_EVERY: Duration = Duration::from_secs(3);
 /// Arguments of `mono-slam run`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Sequence: a folder with images/, times.txt, camera.toml and odometry.csv, or one of EuRoC, TUM RGB-D or KITTI
+    /// Sequence: a folder with images/, times.txt, camera.toml and odometry.csv, one of EuRoC, TUM RGB-D or KITTI,
+    /// or a recorded log (.bag, .mcap, .db3)
     #[arg(value_name = "SEQ")]
     sequence: PathBuf,
     #[command(flatten)]

@@ -14,6 +14,12 @@ pub(crate) struct SequenceOptions {
     /// Calibration in place of the sequence's own, in any format that `mono-slam camera` reads
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    /// Topic of the images in a recorded log [default: the one with most messages]
+    #[arg(long, value_name = "TOPIC")]
+    image_topic: Option<String>,
+    /// Topic of the odometry in a recorded log [default: nav_msgs/Odometry before velocities]
+    #[arg(long, value_name = "TOPIC")]
+    odometry_topic: Option<String>,
 }
 
 impl SequenceOptions {
@@ -22,6 +28,8 @@ impl SequenceOptions {
         OpenOptions {
             format: self.format,
             camera: self.camera.clone(),
+            image_topic: self.image_topic.clone(),
+            odometry_topic: self.odometry_topic.clone(),
             ..OpenOptions::default()
         }
     }

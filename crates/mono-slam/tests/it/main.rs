@@ -13,5 +13,6 @@ mod contradictions;
 mod fixtures;
 mod info_command;
 mod recorded_board;
+mod recorded_logs;
 mod refinement;
 mod smoothed_path;

@@ -72,7 +72,7 @@ fn val_genuine_logs_have_the_counts_of_the_reference_readers() {
             "ros1/realsense_image_camerainfo.bag",
             Rosbag1,
             &[(Image, 3), (CameraInfo, 2)],
-            66,
+            70,
         ),
         (
             "ros1/tf_only.bag",

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use robot_logs::RobotLog;
+
 use super::calibrations::CAMERA;
 use super::odometry::ODOMETRY;
 use super::options::SequenceFormat;
@@ -13,6 +15,8 @@ use crate::images::{IMAGE_ENDINGS, listed_images, what_lies_there};
 const VIDEOS: [&str; 9] = [
     "mp4", "avi", "mov", "mkv", "webm", "m4v", "mpg", "mpeg", "h264",
 ];
+/// Endings of recorded logs, for the sentence about one that is damaged.
+const LOGS: [&str; 5] = ["bag", "mcap", "db3", "zstd", "zst"];
 const ARCHIVES: [&str; 8] = ["zip", "tar", "gz", "tgz", "bz2", "xz", "7z", "rar"];
 /// Entries that are looked at below a folder without a sequence.
 const LOOKED_AT: usize = 1000;
@@ -25,10 +29,19 @@ const NAMED: usize = 3;
 /// One sentence that says what lies there and what is expected.
 pub(super) fn format_of(path: &Path) -> Result<SequenceFormat, SequenceError> {
     if !path.is_dir() {
-        return Err(no_folder(path));
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let named = path.is_file() && LOGS.iter().any(|log| ending == *log);
+        return if named || RobotLog::recognises(path) {
+            Ok(SequenceFormat::Log)
+        } else {
+            Err(no_folder(path))
+        };
     }
     if let Some(format) = layout_of(path) {
         return Ok(format);
+    }
+    if RobotLog::recognises(path) {
+        return Ok(SequenceFormat::Log);
     }
     if listed_images(path).is_ok() {
         return match path.parent() {

@@ -18,17 +18,20 @@ pub enum SequenceFormat {
     KittiRaw,
     /// Images directly in the folder, the text files of the native layout beside them as far as there are any.
     Images,
+    /// A ROS 1 bag, an MCAP file or a ROS 2 sqlite3 bag, as a file or a folder.
+    Log,
 }
 
 impl SequenceFormat {
     /// All formats.
-    pub const ALL: [SequenceFormat; 6] = [
+    pub const ALL: [SequenceFormat; 7] = [
         SequenceFormat::Native,
         SequenceFormat::Euroc,
         SequenceFormat::TumRgbd,
         SequenceFormat::Kitti,
         SequenceFormat::KittiRaw,
         SequenceFormat::Images,
+        SequenceFormat::Log,
     ];
 
     /// The name that `--format` takes.
@@ -40,6 +43,7 @@ impl SequenceFormat {
             SequenceFormat::Kitti => "kitti",
             SequenceFormat::KittiRaw => "kitti-raw",
             SequenceFormat::Images => "images",
+            SequenceFormat::Log => "bag",
         }
     }
 }
@@ -57,6 +61,10 @@ pub struct OpenOptions {
     pub format: Option<SequenceFormat>,
     /// A calibration (any format of [`read_calibration`](crate::read_calibration)) in place of the sequence's own.
     pub camera: Option<PathBuf>,
+    /// Topic of the images in a recorded log; `None` chooses.
+    pub image_topic: Option<String>,
+    /// Topic of the odometry in a recorded log; `None` chooses.
+    pub odometry_topic: Option<String>,
     /// Where the odometry is to come from.
     pub odometry: OdometryChoice,
     /// Added to the times of the odometry, seconds: the clock of the camera minus that of the wheels.

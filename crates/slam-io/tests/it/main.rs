@@ -11,6 +11,7 @@ mod calibrations_found;
 mod common;
 mod odometry_reading;
 mod output_writing;
+mod recorded_logs;
 mod sequence_images;
 mod sequence_layouts;
 mod sequence_reading;
