@@ -13,9 +13,29 @@ use crate::text::{line_fault, quoted};
 pub(super) fn standard_header(text: &str) -> Cow<'_, str> {
     let text = text.trim_start_matches('\u{feff}');
     match text.strip_prefix("%YAML:") {
-        Some(rest) => Cow::Owned(format!("#{rest}")),
+        Some(rest) => Cow::Owned(spaced_keys(&format!("#{rest}"))),
         None => Cow::Borrowed(text),
     }
+}
+
+/// The text with a space behind the colon of every key: OpenCV reads `Viewer.PointSize:2`, YAML does not.
+fn spaced_keys(text: &str) -> String {
+    let mut spaced = String::with_capacity(text.len());
+    for line in text.split_inclusive('\n') {
+        let key_end = line.find(':').filter(|&end| {
+            let in_key = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
+            end > 0 && line.as_bytes()[..end].iter().all(|&byte| in_key(byte))
+        });
+        match key_end.map(|end| line.split_at(end + 1)) {
+            Some((key, value)) if !value.starts_with(char::is_whitespace) => {
+                spaced.push_str(key);
+                spaced.push(' ');
+                spaced.push_str(value);
+            }
+            _ => spaced.push_str(line),
+        }
+    }
+    spaced
 }
 
 /// The documents of a text; their first one counts.
