@@ -4,7 +4,49 @@ use mono_geometry::calibration::CalibrationWarning;
 
 use crate::images::CalibrationRun;
 
+/// Largest standard deviation of a focal length, as a share of it, that leaves a calibration usable: directions at the
+/// edge of a view of 60 degrees are then wrong by 1.6 degrees.
+const USABLE_FOCAL_SIGMA: f64 = 0.05;
+/// Largest standard deviation of the principal point, as a share of the side.
+const USABLE_CENTRE_SIGMA: f64 = 0.05;
+
 impl CalibrationRun {
+    /// Why this calibration should not be used at all, in one sentence; `None` where it can be.
+    ///
+    /// That is a refinement without a minimum, or a focal length or principal point known to a twentieth only, as from
+    /// images that all show the board in one pose.
+    pub fn unusable(&self) -> Option<String> {
+        let calibration = &self.calibration;
+        if calibration
+            .warnings
+            .iter()
+            .any(|warning| matches!(warning, CalibrationWarning::NotConverged { .. }))
+        {
+            return Some("the refinement did not reach a minimum".into());
+        }
+        for parameter in &calibration.parameters {
+            let (limit, unit) = match parameter.name {
+                "fx" | "fy" => (USABLE_FOCAL_SIGMA * parameter.value, "of it"),
+                "cx" => (USABLE_CENTRE_SIGMA * self.width as f64, "of the width"),
+                "cy" => (USABLE_CENTRE_SIGMA * self.height as f64, "of the height"),
+                _ => continue,
+            };
+            // Written so that an infinite or undefined deviation is too large.
+            let known = parameter.sigma <= limit;
+            if !known {
+                return Some(format!(
+                    "{} = {} px is known to {} px only, more than {:.0} % {unit}: take images with the board tilted in several \
+                     directions and out to the corners of the picture",
+                    parameter.name,
+                    significant(parameter.value),
+                    significant(parameter.sigma),
+                    100.0 * USABLE_FOCAL_SIGMA
+                ));
+            }
+        }
+        None
+    }
+
     /// Each warning of the calibration in one sentence: what was measured, what it means, what to do.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let boards: Vec<&str> = self

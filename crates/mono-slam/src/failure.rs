@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, Write as _};
+use std::path::Path;
 
 use camera_calibration::CalibrateError;
 use mono_slam::recorded::RecordedError;
@@ -96,9 +97,9 @@ impl From<OutputError> for Failure {
     fn from(error: OutputError) -> Self {
         let sentence = error.to_string();
         match error {
-            OutputError::Malformed { .. } | OutputError::Io { action: "read", .. } => {
-                Failure::input(sentence)
-            }
+            OutputError::Malformed { .. }
+            | OutputError::Unusable { .. }
+            | OutputError::Io { action: "read", .. } => Failure::input(sentence),
             _ => Failure::Other(anyhow::Error::msg(sentence)),
         }
     }
@@ -113,6 +114,22 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         )),
         _ => Ok(()),
     }
+}
+
+/// Refuses an output that is one of the inputs or that two results share; `what` names each.
+pub(crate) fn distinct(files: &[(&str, &Path)]) -> Result<(), Failure> {
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    for (index, (what, path)) in files.iter().enumerate() {
+        for (other, earlier) in &files[..index] {
+            if real(path) == real(earlier) {
+                return Err(Failure::input(format!(
+                    "{what} and {other} are the same file: {}",
+                    path.display()
+                )));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A remark for the user on standard error, one sentence.

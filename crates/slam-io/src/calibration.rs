@@ -20,7 +20,7 @@ const PINHOLE: [&str; 4] = ["fx", "fy", "cx", "cy"];
 /// [`SequenceError`] for a lens that the format cannot hold: none at present.
 pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
     let calibration = &run.calibration;
-    let plain = calibration_text(&camera_file(calibration), CameraFormat::Toml)?;
+    let plain = calibration_text(&calibrated_camera(calibration), CameraFormat::Toml)?;
     let mut text = String::new();
     let _ = write!(
         text,
@@ -62,8 +62,8 @@ pub fn camera_toml(run: &CalibrationRun) -> Result<String, SequenceError> {
     Ok(text)
 }
 
-/// The camera as its file holds it, at the default place on the body.
-fn camera_file(calibration: &Calibration) -> CameraFile {
+/// The camera of a calibration as its file holds it, at the default place on the body.
+pub fn calibrated_camera(calibration: &Calibration) -> CameraFile {
     let camera = &calibration.camera;
     let known = |name: &str| {
         let sigma = calibration.parameter(name)?.sigma;

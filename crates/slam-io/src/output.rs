@@ -26,6 +26,7 @@ mod ply;
 mod report_data;
 mod summary;
 mod tables;
+mod target;
 
 use std::fs;
 use std::path::Path;
@@ -37,11 +38,21 @@ use mono_geometry::Se2;
 pub use error::OutputError;
 pub use map_file::read_map;
 pub use tables::{covariance_csv, tum as tum_text};
+pub use target::{check_output_file, check_output_folder};
+
+/// Files that later commands put beside the results of a run, and that speak of that run.
+const LATER_FILES: [&str; 4] = [
+    "report.html",
+    "trajectory_batch.tum",
+    "covariance_batch.csv",
+    "batch.json",
+];
 
 /// Writes every result of `run` into the folder `dir`, creating it when needed.
 ///
 /// The files of `extra`, (name, contents), are written with them: all of them appear together or
-/// none does. Files of an earlier run in `dir` are replaced.
+/// none does. Files of an earlier run in `dir` are replaced, and those that this run does not have are removed: a batch
+/// or a page of another drive beside these results would be believed.
 ///
 /// # Errors
 /// [`OutputError::NotFinite`] before anything is written when a pose, covariance or
@@ -73,7 +84,18 @@ pub fn write_run(
         ("summary.json", summary::summary_json(run)?),
         ("report_data.json", report_data::encode(run)?),
     ];
-    write_all(dir, contents.iter().chain(extra))
+    write_all(dir, contents.iter().chain(extra))?;
+    for name in LATER_FILES {
+        if extra.iter().all(|(own, _)| *own != name) {
+            match fs::remove_file(dir.join(name)) {
+                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(OutputError::io(&dir.join(name), "removed", source));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Writes files, (name, contents), into the folder `dir`, creating it when needed: all of them appear together or none
@@ -93,21 +115,17 @@ fn write_all<'a>(
     let pending = files
         .map(|(name, bytes)| PendingFile::write(&dir.join(name), bytes))
         .collect::<Result<Vec<_>, _>>()?;
-    commit(pending, dir)
+    commit(pending)
 }
 
 /// Writes one file so that it appears whole or not at all.
 ///
-/// The folder it goes to must exist.
+/// The folder it goes to must exist. Symbolic links are followed; a device or a pipe is written through, never replaced.
 ///
 /// # Errors
 /// [`OutputError::Io`] when the file system refuses.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
-    let parent = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    commit(vec![PendingFile::write(path, bytes)?], parent)
+    commit(vec![PendingFile::write(path, bytes)?])
 }
 
 /// Reads a finished run back from its folder, for the report and for evaluation.

@@ -8,7 +8,7 @@ use mono_slam::recorded::RecordedRun;
 use mono_slam::smooth::learned_value;
 use serde_json::json;
 use slam_batch::{Constant, Model, Solution, solve};
-use slam_io::{LearnedValue, covariance_csv, tum_text, write_files};
+use slam_io::{LearnedValue, check_output_folder, covariance_csv, tum_text, write_files};
 use slam_pipeline::PoseEstimate;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
@@ -55,6 +55,7 @@ pub(super) fn prior(text: &str) -> Result<(Constant, f64), String> {
 
 /// Solves, writes, compares, judges.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    check_output_folder(&arguments.out)?;
     let run = RecordedRun::open(&arguments.run)?;
     if arguments.max_ate.is_some() && run.record.reference.is_none() {
         return Err(Failure::input(format!(

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use camera_calibration::{BoardSize, CalibrationRun, CalibrationSettings};
+use camera_calibration::{BoardSize, CalibrateError, CalibrationRun, CalibrationSettings};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use mono_geometry::calibration::LensModel;
 use mono_slam::calibrate::calibrate_files;
@@ -12,13 +12,14 @@ use mono_slam::recorded::RecordedRun;
 use mono_slam::refine::{Refinement, priors, refine};
 use slam_batch::Constant;
 use slam_io::{
-    CameraFile, CameraFormat, calibration_text, camera_toml, image_files, read_grey, write_file,
+    CameraFile, CameraFormat, calibrated_camera, calibration_text, camera_toml, check_output_file,
+    image_files, read_grey, write_file,
 };
 use slam_report::render_calibration_html;
 
 use super::batch::{constants_table, prior};
 use super::threshold::metres;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, distinct, print, remark};
 
 /// Arguments of `mono-slam calibrate`.
 #[derive(Debug, clap::Args)]
@@ -47,6 +48,9 @@ pub(crate) struct Arguments {
     /// File for the camera
     #[arg(long, value_name = "FILE.toml")]
     out: PathBuf,
+    /// Write a calibration, too, whose numbers are too uncertain to be used
+    #[arg(long)]
+    force: bool,
     /// Lens model
     #[arg(long, default_value = "radtan")]
     model: Model,
@@ -86,7 +90,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (Some(board), Some(square_m)) = (arguments.board, arguments.square) else {
         return refined(arguments);
     };
+    let report = arguments
+        .report
+        .clone()
+        .unwrap_or_else(|| arguments.out.with_extension("html"));
+    distinct(&[("--out", &arguments.out), ("--report", &report)])?;
+    check_output_file(&arguments.out)?;
+    check_output_file(&report)?;
     let files = image_files(&arguments.images)?;
+    for file in &files {
+        distinct(&[("an image", file), ("--out", &arguments.out)])?;
+    }
     let settings = CalibrationSettings {
         board,
         square_m,
@@ -95,25 +109,40 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let bar = progress_bar(files.len());
     let outcome = calibrate_files(&files, &settings, &|| bar.inc(1));
     bar.finish_and_clear();
-    let run = outcome?;
-    let report = arguments
-        .report
-        .clone()
-        .unwrap_or_else(|| arguments.out.with_extension("html"));
-    if report == arguments.out {
+    let run = outcome.map_err(with_hint)?;
+    let camera = calibrated_camera(&run.calibration);
+    if let Some(reason) = run.unusable().or_else(|| camera.implausible())
+        && !arguments.force
+    {
+        print(&summary(&run, &files))?;
         return Err(Failure::input(format!(
-            "--report and --out are the same file: {}",
-            report.display()
+            "the calibration is not usable and not written: {reason}; --force writes it all the same"
         )));
     }
     let page = render_calibration_html(&run, &|image| read_grey(&files[image]).ok());
     write_file(&arguments.out, camera_toml(&run)?.as_bytes())?;
     write_file(&report, page.as_bytes())?;
+    for oddity in camera.oddities() {
+        remark(&oddity);
+    }
     print(&summary(&run, &files))
+}
+
+/// The commonest cause of no board at all is the count of squares in place of corners.
+fn with_hint(error: CalibrateError) -> Failure {
+    let text = error.to_string();
+    let hint = match error {
+        CalibrateError::TooFewBoards { .. } if text.contains("corners") => {
+            "; --board counts inner corners, a board of 10x7 squares has 9x6"
+        }
+        _ => "",
+    };
+    Failure::input(format!("{text}{hint}"))
 }
 
 /// Refines over recorded runs, writes the camera, prints it before and after.
 fn refined(arguments: &Arguments) -> Result<(), Failure> {
+    check_output_file(&arguments.out)?;
     let runs = arguments
         .from_run
         .iter()

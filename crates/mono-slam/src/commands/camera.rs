@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use slam_io::{CalibrationRequest, CameraFormat, calibration_text, read_calibration, write_file};
+use slam_io::{
+    CalibrationRequest, CameraFormat, calibration_text, check_output_file, read_calibration,
+    write_file,
+};
 
 use crate::failure::{Failure, remark};
 
@@ -107,6 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         camera: arguments.camera.clone(),
         size: arguments.width.zip(arguments.height).map(Into::into),
     };
+    check_output_file(&arguments.out)?;
     let input = arguments.input.display();
     let found = read_calibration(&arguments.input, &request)?;
     // A camera that `run` would refuse is refused here.

@@ -1,14 +1,16 @@
 //! `mono-slam features`: keypoints and descriptors of images as CSV.
 
+use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use slam_io::write_file;
+use slam_io::{check_output_file, check_output_folder, write_file};
 use slam_pipeline::config::Config;
 use slam_pipeline::detector_of;
 use vision_sift::{Features, GrayImage, Workspace};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, distinct};
 
 /// The largest limit the configuration allows; no image of ordinary size has as many.
 const MAX_KEYPOINTS: u32 = 100_000;
@@ -29,6 +31,7 @@ pub(crate) struct Arguments {
 
 /// Detects and writes.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let targets = targets(arguments)?;
     // All images are detected before anything is written.
     let tables = arguments
         .images
@@ -38,24 +41,50 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Ok(csv(&detect(path, Some(limit))?.1))
         })
         .collect::<Result<Vec<_>, Failure>>()?;
-    if let [table] = tables.as_slice()
-        && !arguments.out.is_dir()
-    {
-        return Ok(write_file(&arguments.out, table.as_bytes())?);
+    if targets != [arguments.out.clone()] {
+        std::fs::create_dir_all(&arguments.out).map_err(|e| {
+            Failure::input(format!(
+                "{}: expected a folder, {e}",
+                arguments.out.display()
+            ))
+        })?;
     }
-    std::fs::create_dir_all(&arguments.out).map_err(|e| {
-        Failure::input(format!(
-            "{}: expected a folder, {e}",
-            arguments.out.display()
-        ))
-    })?;
-    for (path, table) in arguments.images.iter().zip(tables) {
-        let stem = path.file_stem().unwrap_or(path.as_os_str());
-        let mut name = stem.to_os_string();
-        name.push(".csv");
-        write_file(&arguments.out.join(name), table.as_bytes())?;
+    for (target, table) in targets.iter().zip(tables) {
+        write_file(target, table.as_bytes())?;
     }
     Ok(())
+}
+
+/// The file of every image: `--out` itself for one, else the image's name in the folder `--out`, each once.
+fn targets(arguments: &Arguments) -> Result<Vec<PathBuf>, Failure> {
+    let out = &arguments.out;
+    if let [image] = arguments.images.as_slice()
+        && !out.is_dir()
+    {
+        check_output_file(out)?;
+        distinct(&[("the image", image), ("--out", out)])?;
+        return Ok(vec![out.clone()]);
+    }
+    check_output_folder(out)?;
+    let mut owners: BTreeMap<OsString, &Path> = BTreeMap::new();
+    let mut targets = Vec::with_capacity(arguments.images.len());
+    for image in &arguments.images {
+        let mut name = image
+            .file_stem()
+            .unwrap_or(image.as_os_str())
+            .to_os_string();
+        name.push(".csv");
+        targets.push(out.join(&name));
+        let shown = name.to_string_lossy().into_owned();
+        if let Some(earlier) = owners.insert(name, image) {
+            return Err(Failure::input(format!(
+                "{} and {} would both be written as {shown}: give each folder of images an --out of its own",
+                earlier.display(),
+                image.display()
+            )));
+        }
+    }
+    Ok(targets)
 }
 
 /// The grey image at `path` and its features under the default configuration, but for the number of keypoints kept.
@@ -63,6 +92,12 @@ pub(crate) fn detect(
     path: &Path,
     max_keypoints: Option<u32>,
 ) -> Result<(image::GrayImage, Features), Failure> {
+    if path.is_dir() {
+        return Err(Failure::input(format!(
+            "{}: expected an image, found a folder",
+            path.display()
+        )));
+    }
     let image = image::ImageReader::open(path)
         .map_err(|e| Failure::input(format!("{}: expected an image, {e}", path.display())))?
         .with_guessed_format()

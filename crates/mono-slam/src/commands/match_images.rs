@@ -1,15 +1,15 @@
 //! `mono-slam match`: matches of two images after the ratio test.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use feature_kdtree::{AutoIndex, DescriptorIndex as _, Match, match_descriptors};
 use image::{GrayImage, Rgb, RgbImage};
-use slam_io::write_file;
+use slam_io::{check_output_file, write_file};
 use vision_sift::Features;
 
 use super::features::detect;
-use crate::failure::Failure;
+use crate::failure::{Failure, distinct};
 
 /// Arguments of `mono-slam match`.
 #[derive(Debug, clap::Args)]
@@ -33,6 +33,22 @@ pub(crate) struct Arguments {
 
 /// Matches and writes.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut files: Vec<(&str, &Path)> = vec![
+        ("the first image", &arguments.first),
+        ("the second image", &arguments.second),
+    ];
+    // The two images may be one; no result may be an image or the other result.
+    for (name, path) in [
+        ("--out", Some(&arguments.out)),
+        ("--picture", arguments.picture.as_ref()),
+    ] {
+        let Some(path) = path else { continue };
+        check_output_file(path)?;
+        for earlier in &files {
+            distinct(&[*earlier, (name, path)])?;
+        }
+        files.push((name, path));
+    }
     let (image_a, a) = detect(&arguments.first, None)?;
     let (image_b, b) = detect(&arguments.second, None)?;
     let matches = ratio_matches(&a, &b, arguments.ratio)

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use slam_io::{read_run, write_file};
+use slam_io::{check_output_file, read_run, write_file};
 use slam_report::render_run_html;
 
 use crate::failure::Failure;
@@ -17,7 +17,9 @@ pub(crate) struct Arguments {
 
 /// Draws the page; says nothing on success.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let page = render_run_html(&read_run(&arguments.dir)?);
+    let run = read_run(&arguments.dir)?;
+    check_output_file(&arguments.dir.join("report.html"))?;
+    let page = render_run_html(&run);
     Ok(write_file(
         &arguments.dir.join("report.html"),
         page.as_bytes(),

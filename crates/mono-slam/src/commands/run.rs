@@ -5,10 +5,13 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use mono_slam::run::{Progress, run_sequence};
 use mono_slam::{warnings, without_odometry};
-use slam_io::{OdometrySource, RunRecord, RunScale, Sequence, Warning, odometry_csv, write_run};
+use slam_io::{
+    OdometrySource, RunRecord, RunScale, Sequence, Warning, check_output_folder, odometry_csv,
+    write_run,
+};
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
@@ -16,7 +19,7 @@ use trajectory_eval::{Alignment, absolute_error, spatial};
 use super::configuration::read_configuration;
 use super::sequence_options::SequenceOptions;
 use super::stand_in::StandIn;
-use super::threshold::{check_ate, metres};
+use super::threshold::{check_ate, metres, whole};
 use crate::failure::Failure;
 
 /// Seconds between two lines of progress where there is no terminal.
@@ -46,13 +49,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum)]
     method: Option<MethodName>,
     /// Number of particles
-    #[arg(long)]
+    #[arg(long, value_parser = whole::<u32>)]
     particles: Option<u32>,
     /// Seed of all random numbers
-    #[arg(long)]
+    #[arg(long, value_parser = whole::<u64>)]
     seed: Option<u64>,
     /// Threads; 0 takes all cores, the results do not depend on it
-    #[arg(long)]
+    #[arg(long, value_parser = whole::<u32>)]
     threads: Option<u32>,
     /// No progress, no summary
     #[arg(long)]
@@ -86,6 +89,7 @@ enum MethodName {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = settings(arguments)?;
     checked(config.clone())?;
+    check_output_folder(&arguments.out)?;
     let options = arguments.stand_in.options(arguments.options.open_options());
     let sequence = Sequence::open_with(&arguments.sequence, &options)?;
     let config = if sequence.odometry_source == OdometrySource::None {
@@ -250,10 +254,15 @@ impl Reporter {
             };
         }
         let bar = ProgressBar::new(frames as u64);
+        // Within 60 columns: the bar takes what the figures leave.
         if let Ok(style) =
-            ProgressStyle::with_template("{bar:32} frame {pos}/{len}  {per_sec}  {eta} left  {msg}")
+            ProgressStyle::with_template("{wide_bar} {pos}/{len} {rate} {eta} left, {msg}")
         {
-            bar.set_style(style);
+            let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                // A bar that cannot be drawn is not drawn.
+                let _ = write!(out, "{:.1} Hz", state.per_sec());
+            };
+            bar.set_style(style.with_key("rate", rate));
         }
         Self::Bar(bar)
     }

@@ -1,4 +1,4 @@
-//! The threshold `--max-ate` that several commands share.
+//! Numbers on the command line, and the threshold `--max-ate` that several commands share.
 
 use crate::failure::Failure;
 
@@ -8,6 +8,28 @@ pub(crate) fn metres(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("expected a positive number of metres".into()),
     }
+}
+
+/// A number of seconds of either sign.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err("expected a number of seconds".into()),
+    }
+}
+
+/// A positive number of seconds.
+pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
+    match seconds(text) {
+        Ok(value) if value > 0.0 => Ok(value),
+        _ => Err("expected a positive number of seconds".into()),
+    }
+}
+
+/// A whole number of at least zero.
+pub(crate) fn whole<T: std::str::FromStr>(text: &str) -> Result<T, String> {
+    text.parse()
+        .map_err(|_out_of_range| "expected a whole number of at least 0".to_owned())
 }
 
 /// Fails when an absolute trajectory error is above the threshold given.

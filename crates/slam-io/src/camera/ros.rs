@@ -53,14 +53,14 @@ pub(super) fn parse(root: &Node<'_>, wanted: &mut Wanted<'_>) -> Result<CameraFi
             ["distortion_coefficients"; 2],
         )
     };
+    let matrix = root.need(&matrix)?;
+    let [fx, fy, cx, cy, skew] = matrix.camera_matrix()?;
     let size = match (root.get(sides[0]), root.get(sides[1])) {
         (Some(width), Some(height)) => Some([width.pixels()?, height.pixels()?]),
         _ => None,
     };
     let missing = format!("the keys {} and {}", sides[0], sides[1]);
     let size = wanted.size_of(root.path(), size, &missing)?;
-    let matrix = root.need(&matrix)?;
-    let [fx, fy, cx, cy, skew] = matrix.camera_matrix()?;
     let node = root.need(&coefficients)?;
     let coefficients = node.coefficients()?;
     let model = root.get_any(&["distortion_model", "camera_model"]);

@@ -63,6 +63,20 @@ fn open(path: &Path) -> ImageResult<ImageReader<std::io::BufReader<fs::File>>> {
     Ok(ImageReader::open(path)?.with_guessed_format()?)
 }
 
+/// Whether neither contents nor name are those of any image format.
+fn is_no_image(error: &image::ImageError) -> bool {
+    use image::error::{ImageFormatHint, UnsupportedErrorKind};
+    match error {
+        image::ImageError::Unsupported(error) => matches!(
+            error.kind(),
+            UnsupportedErrorKind::Format(
+                ImageFormatHint::Unknown | ImageFormatHint::PathExtension(_)
+            )
+        ),
+        _ => false,
+    }
+}
+
 fn decoded<T>(path: &Path, result: ImageResult<T>) -> Result<T, SequenceError> {
     result.map_err(|error| match error {
         image::ImageError::IoError(source)
@@ -78,6 +92,8 @@ fn decoded<T>(path: &Path, result: ImageResult<T>) -> Result<T, SequenceError> {
             expected: "a whole image".into(),
             found: if fs::metadata(path).is_ok_and(|file| file.len() == 0) {
                 "an empty file".into()
+            } else if is_no_image(&other) {
+                "something that is no image".into()
             } else {
                 other.to_string().lines().collect::<Vec<_>>().join(" ")
             },

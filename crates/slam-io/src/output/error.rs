@@ -16,6 +16,14 @@ pub enum OutputError {
         /// The system's reason.
         source: io::Error,
     },
+    /// The place for a result cannot be used; nothing was written.
+    #[error("{}: results cannot go there: {reason}", path.display())]
+    Unusable {
+        /// The file or folder asked for.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
     /// A result is NaN or infinite; nothing was written.
     #[error("results are not written: {what} is not finite")]
     NotFinite {

@@ -325,3 +325,56 @@ fn figures_of_an_empty_run_are_none_and_it_can_be_written() {
     write_run(&run, folder.path(), &[]).unwrap();
     assert_eq!(read_run(folder.path()).unwrap().reference, None);
 }
+
+/// What a batch and a page wrote beside the results of an earlier drive would be believed beside those of this one.
+#[test]
+fn regress_files_of_an_earlier_run_stayed() {
+    let folder = ScratchFolder::new();
+    let page = ("report.html", b"<p>first</p>".to_vec());
+    write_run(&small_run(), folder.path(), &[page]).unwrap();
+    for later in [
+        "batch.json",
+        "covariance_batch.csv",
+        "trajectory_batch.tum",
+        "notes of mine.txt",
+    ] {
+        fs::write(folder.path().join(later), "first").unwrap();
+    }
+    write_run(&small_run(), folder.path(), &[]).unwrap();
+    let mut expected: Vec<String> = FILES.iter().map(|name| (*name).to_owned()).collect();
+    expected.push("notes of mine.txt".into());
+    expected.sort();
+    assert_eq!(names(folder.path()), expected);
+}
+
+#[test]
+#[cfg(unix)]
+fn regress_a_result_that_is_a_link_was_replaced() {
+    let folder = ScratchFolder::new();
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    std::os::unix::fs::symlink("../elsewhere.tum", out.join("trajectory.tum")).unwrap();
+    write_run(&small_run(), &out, &[]).unwrap();
+    assert!(
+        fs::symlink_metadata(out.join("trajectory.tum"))
+            .unwrap()
+            .is_symlink()
+    );
+    assert_eq!(
+        read_tum(&folder.path().join("elsewhere.tum"))
+            .unwrap()
+            .len(),
+        FRAMES
+    );
+    // A folder under the name of a result is refused before anything is written.
+    let other = folder.path().join("other");
+    fs::create_dir_all(other.join("map.slam")).unwrap();
+    let message = write_run(&small_run(), &other, &[])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("map.slam: results cannot go there: a folder is there"),
+        "{message}"
+    );
+    assert_eq!(names(&other), ["map.slam"]);
+}
