@@ -10,9 +10,11 @@ mod failure;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
-use commands::{batch, calibrate, camera, config, eval, features, info, match_images, report, run};
+use commands::{
+    batch, calibrate, camera, compare, config, eval, features, info, match_images, report, run,
+};
 
 /// Monocular landmark SLAM for wheeled robots.
 #[derive(Debug, Parser)]
@@ -30,24 +32,26 @@ enum Command {
     Info(info::Arguments),
     /// Solve the whole drive of a finished run at once: the limit of its filter, and constants of the robot
     Batch(batch::Arguments),
-    /// Compare a trajectory with a reference: absolute and relative error
+    /// Compare trajectories with a reference: absolute and relative error
     Eval(eval::Arguments),
     /// Draw report.html of a finished run again from its other files
     Report(report::Arguments),
+    /// Draw one page about two finished runs: paths, errors, uncertainties and counts side by side
+    Compare(compare::Arguments),
     /// Detect SIFT features and write them as CSV
     Features(features::Arguments),
     /// Match two images
     Match(match_images::Arguments),
     /// Calibrate a camera from images of a checkerboard, or refine it over recorded runs
     Calibrate(calibrate::Arguments),
-    /// Convert a camera calibration between camera.toml, Kalibr, OpenCV and ROS
+    /// Convert a camera calibration of many tools to camera.toml, Kalibr, OpenCV or ROS
     Camera(camera::Arguments),
     /// Print the default configuration with every key explained
     Config,
 }
 
 fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let outcome = match arguments().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Batch(arguments) => batch::run(&arguments),
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
         Command::Config => config::run(),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -69,13 +74,25 @@ fn main() -> ExitCode {
     }
 }
 
+/// The command line. Negative numbers are values, so that the value's own sentence answers them.
+fn arguments() -> Cli {
+    let mut command = Cli::command();
+    let names: Vec<String> = command
+        .get_subcommands()
+        .map(|sub| sub.get_name().to_owned())
+        .collect();
+    for name in names {
+        command = command.mut_subcommand(name, |sub| sub.allow_negative_numbers(true));
+    }
+    Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_arguments_are_consistent() {
-        use clap::CommandFactory as _;
         Cli::command().debug_assert();
     }
 }

@@ -43,10 +43,11 @@ mod output;
 mod record;
 mod sequence;
 mod text;
+mod trajectory;
 mod tum;
 mod warning;
 
-pub use calibration::camera_toml;
+pub use calibration::{calibrated_camera, camera_toml};
 pub use camera::{
     CalibrationRequest, CameraFile, CameraFormat, FoundCalibration, MountFile, SigmaFile,
     calibration_text, read_calibration,
@@ -55,7 +56,8 @@ pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, Images, image_files, read_grey};
 pub use output::{
-    OutputError, covariance_csv, read_map, read_run, tum_text, write_file, write_files, write_run,
+    OutputError, check_output_file, check_output_folder, covariance_csv, read_map, read_run,
+    tum_text, write_file, write_files, write_run,
 };
 pub use record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, RunScale, SmootherRecord,
@@ -66,6 +68,7 @@ pub use sequence::{
     SequenceFormat, Survey, odometry_csv, read_run_inputs,
 };
 pub use text::read_text;
+pub use trajectory::{Trajectory, read_trajectory};
 pub use tum::read_tum;
 pub use warning::Warning;
 

@@ -25,6 +25,7 @@ mod birdseye;
 mod calibration;
 mod card;
 mod charts;
+mod comparison_page;
 mod escape;
 mod figures;
 mod pictures;
@@ -33,6 +34,7 @@ mod run_page;
 mod units;
 
 pub use calibration::render_calibration_html;
+pub use comparison_page::render_comparison_html;
 pub use plot::{Colour, Ellipse, Layer, Plot};
 pub use run_page::render_run_html;
 

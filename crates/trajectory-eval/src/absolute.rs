@@ -2,7 +2,7 @@
 
 use crate::align::alignment_of;
 use crate::alignment::{Alignment, Similarity};
-use crate::associate::{associate, no_matches};
+use crate::associate::associate;
 use crate::error::EvaluationError;
 use crate::pose::StampedPose;
 use crate::statistics::Statistics;
@@ -48,8 +48,18 @@ pub fn absolute_error(
     reference: &[StampedPose],
     alignment: Alignment,
 ) -> Result<AbsoluteError, EvaluationError> {
-    let pairs = associate(estimate, reference)?;
-    let applied = alignment_of(&pairs, alignment)?;
+    absolute_error_of(&associate(estimate, reference)?, alignment)
+}
+
+/// As [`absolute_error`], of (estimate, reference) pairs that are matched already.
+///
+/// # Errors
+/// [`EvaluationError`] when there is no pair or the alignment is not determined.
+pub fn absolute_error_of(
+    pairs: &[(StampedPose, StampedPose)],
+    alignment: Alignment,
+) -> Result<AbsoluteError, EvaluationError> {
+    let applied = alignment_of(pairs, alignment)?;
     let matched: Vec<MatchedError> = pairs
         .iter()
         .map(|(estimate, reference)| {
@@ -69,7 +79,7 @@ pub fn absolute_error(
     let (Some(translation_m), Some(rotation_rad)) =
         (figures(|e| e.translation_m), figures(|e| e.rotation_rad))
     else {
-        return Err(no_matches(estimate, reference));
+        return Err(EvaluationError::TooShort { delta: 0, poses: 0 });
     };
     Ok(AbsoluteError {
         translation_m,

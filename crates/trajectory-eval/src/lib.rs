@@ -47,12 +47,12 @@ mod pose;
 mod relative;
 mod statistics;
 
-pub use absolute::{AbsoluteError, MatchedError, absolute_error};
+pub use absolute::{AbsoluteError, MatchedError, absolute_error, absolute_error_of};
 pub use alignment::{Alignment, Similarity};
-pub use associate::associate;
+pub use associate::{Matching, associate};
 pub use error::EvaluationError;
 pub use pose::{StampedPose, spatial};
-pub use relative::{RelativeError, relative_error};
+pub use relative::{RelativeError, relative_error, relative_error_of};
 pub use statistics::Statistics;
 
 /// Compiles and runs the code of the README.

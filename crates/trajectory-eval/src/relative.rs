@@ -33,7 +33,18 @@ pub fn relative_error(
     delta: usize,
     alignment: Alignment,
 ) -> Result<RelativeError, EvaluationError> {
-    let pairs = associate(estimate, reference)?;
+    relative_error_of(&associate(estimate, reference)?, delta, alignment)
+}
+
+/// As [`relative_error`], of (estimate, reference) pairs that are matched already.
+///
+/// # Errors
+/// [`EvaluationError`] when the alignment is not determined, `delta` is zero or the pairs are fewer than one step needs.
+pub fn relative_error_of(
+    pairs: &[(StampedPose, StampedPose)],
+    delta: usize,
+    alignment: Alignment,
+) -> Result<RelativeError, EvaluationError> {
     let too_short = EvaluationError::TooShort {
         delta,
         poses: pairs.len(),
@@ -41,7 +52,7 @@ pub fn relative_error(
     if delta == 0 || pairs.len() <= delta {
         return Err(too_short);
     }
-    let applied = alignment_of(&pairs, alignment)?;
+    let applied = alignment_of(pairs, alignment)?;
     let ends: Vec<_> = pairs.iter().step_by(delta).collect();
     let (mut translations, mut rotations) = (Vec::new(), Vec::new());
     for step in ends.windows(2) {

@@ -1,32 +1,39 @@
 //! `mono-slam eval`: absolute and relative trajectory error, as `evo` computes them.
 
-use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use serde_json::json;
-use slam_io::read_tum;
-use trajectory_eval::{
-    AbsoluteError, Alignment, RelativeError, Statistics, absolute_error, relative_error,
-};
+use slam_io::{Trajectory, read_trajectory};
+use trajectory_eval::{Alignment, EvaluationError, Matching, absolute_error_of, relative_error_of};
 
-use super::threshold::{check_ate, metres};
-use crate::failure::{Failure, print};
+use super::eval_text::{Compared, as_json, as_table, as_text};
+use super::threshold::{check_ate, metres, positive_seconds, seconds, whole};
+use crate::failure::{Failure, print, remark};
 
 /// Arguments of `mono-slam eval`.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "A trajectory is a file of lines `t x y z qx qy qz qw` (TUM), of positions `t x y z`, or a table whose header \
+    names its columns, as EuRoC's and TUM-VI's data.csv. NaN lines are left out, quaternions normalised; notes say so."
+)]
 pub(crate) struct Arguments {
-    /// Estimated trajectory in TUM format
-    #[arg(value_name = "ESTIMATE.tum")]
-    estimate: PathBuf,
-    /// Reference trajectory in TUM format
-    #[arg(value_name = "REFERENCE.tum")]
+    /// Estimated trajectories: TUM format, or a table with a header
+    #[arg(value_name = "ESTIMATE", required = true)]
+    estimates: Vec<PathBuf>,
+    /// Reference trajectory
+    #[arg(value_name = "REFERENCE", required = true)]
     reference: PathBuf,
     /// Motion to remove from the estimate before errors are taken
     #[arg(long, value_enum, default_value_t = Align::None)]
     align: Align,
     /// Frames from one end of a relative step to the other
-    #[arg(long, value_name = "FRAMES", default_value_t = 1)]
+    #[arg(long, value_name = "FRAMES", default_value_t = 1, value_parser = whole::<usize>)]
     delta: usize,
+    /// Largest difference in time of two poses that are compared
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.01, value_parser = positive_seconds)]
+    max_time_difference: f64,
+    /// Added to the times of the estimates before they are compared
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds)]
+    time_offset: f64,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -66,124 +73,95 @@ impl From<Align> for Alignment {
 
 /// Compares, prints, judges.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let estimate = read_tum(&arguments.estimate)?;
-    let reference = read_tum(&arguments.reference)?;
+    if arguments.delta == 0 {
+        return Err(Failure::input(
+            "--delta: a relative step goes over at least 1 frame".to_owned(),
+        ));
+    }
+    let reference = noted(&arguments.reference)?;
+    let compared = arguments
+        .estimates
+        .iter()
+        .map(|path| compare(arguments, path, &reference))
+        .collect::<Result<Vec<_>, _>>()?;
     let alignment = Alignment::from(arguments.align);
-    let absolute = absolute_error(&estimate, &reference, alignment)?;
-    let relative = relative_error(&estimate, &reference, arguments.delta, alignment)?;
-    print(&if arguments.json {
-        as_json(alignment, &absolute, &relative)
-    } else {
-        as_text(alignment, &absolute, &relative)
+    print(&match compared.as_slice() {
+        several if arguments.json => as_json(alignment, several),
+        [one] => as_text(alignment, one),
+        several => as_table(alignment, several),
     })?;
-    check_ate(absolute.translation_m.rmse, arguments.max_ate)
+    compared
+        .iter()
+        .try_for_each(|one| check_ate(one.absolute.translation_m.rmse, arguments.max_ate))
 }
 
-fn as_json(alignment: Alignment, absolute: &AbsoluteError, relative: &RelativeError) -> String {
-    let (_, _, turn) = absolute
-        .applied
-        .reference_from_estimate
-        .rotation
-        .euler_angles();
-    let value = json!({
-        "alignment": alignment.to_string(),
-        "heading_applied_rad": turn,
-        "scale": absolute.applied.scale,
-        "pairs": absolute.matched.len(),
-        "ate": {
-            "translation_m": absolute.translation_m,
-            "rotation_rad": absolute.rotation_rad,
-            "final_translation_m": absolute.last().translation_m,
-            "final_rotation_rad": absolute.last().rotation_rad,
-        },
-        "rpe": {
-            "delta_frames": relative.delta,
-            "steps": relative.steps,
-            "translation_m": relative.translation_m,
-            "rotation_rad": relative.rotation_rad,
-        },
-    });
-    format!("{value:#}\n")
+/// A trajectory, its notes told.
+fn noted(path: &Path) -> Result<Trajectory, Failure> {
+    let trajectory = read_trajectory(path)?;
+    for note in &trajectory.notes {
+        remark(&format!("{}: {note}", path.display()));
+    }
+    Ok(trajectory)
 }
 
-fn as_text(alignment: Alignment, absolute: &AbsoluteError, relative: &RelativeError) -> String {
-    let mut text = String::new();
-    // Writing into a String cannot fail.
-    let _ = writeln!(
-        text,
-        "{} matched poses, alignment {alignment}",
-        absolute.matched.len()
-    );
-    if alignment == Alignment::Heading {
-        let (_, _, turn) = absolute
-            .applied
-            .reference_from_estimate
-            .rotation
-            .euler_angles();
-        let _ = writeln!(
-            text,
-            "heading applied to the estimate {:.3} mrad",
-            turn * 1e3
-        );
-    }
-    if matches!(alignment, Alignment::Sim2 | Alignment::Sim3) {
-        let _ = writeln!(
-            text,
-            "scale applied to the estimate {:.6}",
-            absolute.applied.scale
-        );
-    }
-    let _ = writeln!(text);
-    let _ = writeln!(
-        text,
-        "{:<28}{:>12}{:>12}{:>12}{:>12}{:>12}",
-        "", "rmse", "mean", "median", "max", "final"
-    );
-    let last = absolute.last();
-    row(
-        &mut text,
-        "ATE position (m)",
-        &absolute.translation_m,
-        1.0,
-        Some(last.translation_m),
-    );
-    let degrees = 1.0_f64.to_degrees();
-    row(
-        &mut text,
-        "ATE rotation (deg)",
-        &absolute.rotation_rad,
-        degrees,
-        Some(last.rotation_rad),
-    );
-    let frames = if relative.delta == 1 {
-        "1 frame".to_string()
+fn compare(
+    arguments: &Arguments,
+    path: &Path,
+    reference: &Trajectory,
+) -> Result<Compared, Failure> {
+    let estimate = noted(path)?;
+    let file = path.display().to_string();
+    // With one estimate its name would say nothing that the command line did not.
+    let of_file = if arguments.estimates.len() > 1 {
+        format!("{file}: ")
     } else {
-        format!("{} frames", relative.delta)
+        String::new()
     };
-    row(
-        &mut text,
-        &format!("RPE {frames} (m)"),
-        &relative.translation_m,
-        1.0,
-        None,
-    );
-    row(
-        &mut text,
-        &format!("RPE {frames} (deg)"),
-        &relative.rotation_rad,
-        degrees,
-        None,
-    );
-    text
-}
-
-fn row(text: &mut String, name: &str, figures: &Statistics, unit: f64, last: Option<f64>) {
-    let _ = write!(text, "{name:<28}");
-    for value in [figures.rmse, figures.mean, figures.median, figures.max] {
-        let _ = write!(text, "{:>12.6}", value * unit);
+    let alignment = Alignment::from(arguments.align);
+    let matching = Matching {
+        max_difference_s: arguments.max_time_difference,
+        offset_s: arguments.time_offset,
+    };
+    let fault = |error: EvaluationError| {
+        let hint = match error {
+            EvaluationError::NoMatches { .. } => "; see --time-offset and --max-time-difference",
+            EvaluationError::Degenerate { .. } if alignment != Alignment::Se2 => {
+                "; --align se2 and none ask for less"
+            }
+            _ => "",
+        };
+        Failure::input(format!("{of_file}{error}{hint}"))
+    };
+    let pairs = matching
+        .pairs(&estimate.poses, &reference.poses)
+        .map_err(fault)?;
+    let most = estimate.poses.len().min(reference.poses.len());
+    if 2 * pairs.len() < most {
+        remark(&format!(
+            "{of_file}only {} of {most} poses have one within {} s in the other trajectory: see --max-time-difference and \
+             --time-offset",
+            pairs.len(),
+            arguments.max_time_difference
+        ));
     }
-    if let Some(last) = last {
-        let _ = write!(text, "{:>12.6}", last * unit);
-    }
-    let _ = writeln!(text);
+    let absolute = absolute_error_of(&pairs, alignment).map_err(fault)?;
+    let rotations = estimate.rotations && reference.rotations;
+    let relative = if rotations {
+        match relative_error_of(&pairs, arguments.delta, alignment) {
+            Ok(relative) => Some(relative),
+            Err(error) => {
+                remark(&format!("{of_file}no relative error: {error}"));
+                None
+            }
+        }
+    } else {
+        None
+    };
+    Ok(Compared {
+        file,
+        poses: [estimate.poses.len(), reference.poses.len()],
+        rotations,
+        absolute,
+        relative,
+    })
 }

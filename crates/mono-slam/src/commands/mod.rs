@@ -3,9 +3,11 @@
 pub(crate) mod batch;
 pub(crate) mod calibrate;
 pub(crate) mod camera;
+pub(crate) mod compare;
 pub(crate) mod config;
 mod configuration;
 pub(crate) mod eval;
+mod eval_text;
 pub(crate) mod features;
 pub(crate) mod info;
 pub(crate) mod match_images;

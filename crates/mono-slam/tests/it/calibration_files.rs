@@ -129,10 +129,7 @@ fn images_that_do_not_serve_are_named_with_the_reason() {
         .iter()
         .filter_map(|image| image.reason())
         .collect();
-    assert!(
-        reasons[0].contains("expected a whole PNG or JPEG image"),
-        "{reasons:?}"
-    );
+    assert!(reasons[0].contains("expected a whole image"), "{reasons:?}");
     assert_eq!(run.images[9].outcome, Outcome::OtherSize(100, 90));
     assert_eq!(reasons[2], "no corner of a checkerboard");
     assert!(reasons[3].contains("cannot be read"), "{reasons:?}");

@@ -9,10 +9,13 @@
 mod batch_command;
 mod calibration_files;
 mod commands;
+mod comparison;
 mod contradictions;
+mod edges;
 mod fixtures;
 mod info_command;
 mod recorded_board;
 mod recorded_logs;
 mod refinement;
 mod smoothed_path;
+mod trajectories;

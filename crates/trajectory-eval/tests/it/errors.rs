@@ -143,7 +143,8 @@ fn association_takes_the_nearest_and_drops_the_far() {
         .to_string();
     assert_eq!(
         message,
-        "no pose of the estimate (1 poses) lies within 0.01 s of one of the reference (5 poses)"
+        "no pose of the estimate (1 poses at 5 s) lies within 0.01 s of one of the reference (5 poses from 0 to 0.4 s); the two \
+         do not overlap in time and have 4.600 s between them: another clock?"
     );
 }
 
