@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-/// What is read.
+/// Formats that are read.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Source {
     /// camera.toml of a sequence folder
@@ -79,7 +79,7 @@ impl From<Source> for CameraFormat {
     }
 }
 
-/// What is written.
+/// Formats that are written.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Format {
     /// camera.toml of a sequence folder

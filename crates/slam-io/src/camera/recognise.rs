@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::file::file_fault;
+use super::format::CameraFormat;
 use super::yaml::{self, Node};
-use super::{CameraFormat, camodocal, colmap, euroc, kalibr, kitti, opencv, orbslam, read, ros};
+use super::{camodocal, colmap, euroc, kalibr, kitti, opencv, orbslam, read, ros};
 use crate::error::SequenceError;
 use crate::text::{content_lines, quoted};
 

@@ -8,6 +8,7 @@
 
 mod calibrations;
 mod calibrations_found;
+mod calibrations_genuine;
 mod common;
 mod odometry_reading;
 mod output_writing;
