@@ -435,7 +435,7 @@ fn a_bad_calibration_ends_with_two_and_writes_nothing() {
         ),
         (
             &[&rational, "--camera", "cam0"],
-            "expected a Kalibr file to choose cam0 from",
+            "expected a file of several cameras to choose cam0 from",
         ),
         (
             &[&rational, "--to", "kalibr"],
