@@ -255,7 +255,7 @@ fn paths(sides: &[Side<'_>; 2]) -> String {
             dashed: false,
             points: estimates().map(|pose| (pose.x, pose.y)).collect(),
         });
-        if let Some(last) = estimates().last() {
+        if let Some(last) = estimates().next_back() {
             plot.layers.push(Layer::Arrow {
                 label: String::new(),
                 colour,

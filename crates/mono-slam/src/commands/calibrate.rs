@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let bar = progress_bar(files.len());
     let outcome = calibrate_files(&files, &settings, &|| bar.inc(1));
     bar.finish_and_clear();
-    let run = outcome.map_err(with_hint)?;
+    let run = outcome.map_err(|error| with_hint(&error))?;
     let camera = calibrated_camera(&run.calibration);
     if let Some(reason) = run.unusable().or_else(|| camera.implausible())
         && !arguments.force
@@ -129,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The commonest cause of no board at all is the count of squares in place of corners.
-fn with_hint(error: CalibrateError) -> Failure {
+fn with_hint(error: &CalibrateError) -> Failure {
     let text = error.to_string();
     let hint = match error {
         CalibrateError::TooFewBoards { .. } if text.contains("corners") => {
