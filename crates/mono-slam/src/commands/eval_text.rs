@@ -1,4 +1,4 @@
-//! What `mono-slam eval` prints: a page of figures for one estimate, a table for several, JSON for scripts.
+//! Printed results of `mono-slam eval`: a page of figures for one estimate, a table for several, JSON for scripts.
 
 use std::fmt::Write as _;
 

@@ -326,7 +326,7 @@ fn figures_of_an_empty_run_are_none_and_it_can_be_written() {
     assert_eq!(read_run(folder.path()).unwrap().reference, None);
 }
 
-/// What a batch and a page wrote beside the results of an earlier drive would be believed beside those of this one.
+/// A batch or a page that an earlier drive left beside these results would be believed.
 #[test]
 fn regress_files_of_an_earlier_run_stayed() {
     let folder = ScratchFolder::new();
