@@ -304,7 +304,7 @@ mod tests {
             ([3.6, 3.6, 160.0, 120.0], fisheye, "a view of 5093 degrees"),
             ([4e5, 4e5, 160.0, 120.0], Distortion::None, "fx = 400000 px"),
             (
-                [300.0, 20.0, 160.0, 120.0],
+                [1500.0, 100.0, 160.0, 120.0],
                 Distortion::None,
                 "a factor of 15",
             ),
@@ -337,7 +337,7 @@ mod tests {
             (
                 [9000.0, 9000.0, 160.0, 120.0],
                 Distortion::None,
-                "a view of 2 degrees",
+                "a view of 1.5 degrees",
             ),
             (
                 [300.0, 400.0, 160.0, 120.0],
