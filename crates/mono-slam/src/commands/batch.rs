@@ -8,7 +8,7 @@ use mono_slam::recorded::RecordedRun;
 use mono_slam::smooth::learned_value;
 use serde_json::json;
 use slam_batch::{Constant, Model, Solution, solve};
-use slam_io::{LearnedValue, check_output_folder, covariance_csv, tum_text, write_files};
+use slam_io::{LearnedValue, RunScale, check_output_folder, covariance_csv, tum_text, write_files};
 use slam_pipeline::PoseEstimate;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
@@ -108,6 +108,10 @@ fn errors_m(
         return Ok(Vec::new());
     };
     let reference = spatial(reference);
+    let alignment = match run.record.scale {
+        RunScale::Metric => Alignment::None,
+        RunScale::Arbitrary => Alignment::Sim2,
+    };
     let timed = |poses: &mut dyn Iterator<Item = Se2>| -> Vec<(f64, Se2)> {
         times.iter().copied().zip(poses).collect()
     };
@@ -120,7 +124,7 @@ fn errors_m(
     ]
     .into_iter()
     .map(|(name, path)| {
-        let error = absolute_error(&spatial(path), &reference, Alignment::None)?;
+        let error = absolute_error(&spatial(path), &reference, alignment)?;
         Ok((name, error.translation_m.rmse))
     })
     .collect()
@@ -183,7 +187,11 @@ fn as_text(run: &RecordedRun, solution: &Solution, errors: &[(&'static str, f64)
         text.push_str(&constants_table(&solution.constants));
     }
     if !errors.is_empty() {
-        let _ = writeln!(text, "\n{:<24}{:>12}", "no alignment", "RMSE (mm)");
+        let alignment = match run.record.scale {
+            RunScale::Metric => "no alignment",
+            RunScale::Arbitrary => "aligned with scale",
+        };
+        let _ = writeln!(text, "\n{alignment:<24}{:>12}", "RMSE (mm)");
         for (name, rmse_m) in errors {
             let _ = writeln!(text, "{name:<24}{:>12.2}", rmse_m * 1e3);
         }

@@ -19,3 +19,4 @@ mod recorded_logs;
 mod refinement;
 mod smoothed_path;
 mod trajectories;
+mod without_odometry;
