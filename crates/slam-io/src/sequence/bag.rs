@@ -11,6 +11,7 @@ mod calibration;
 mod choice;
 mod clock;
 mod images;
+mod joints;
 mod motion;
 mod mount;
 
@@ -31,6 +32,7 @@ use crate::warning::Warning;
 use choice::{Chosen, choose_images, choose_odometry};
 use clock::{Stamped, common_clock};
 use images::LogImages;
+use joints::JointWheels;
 use motion::{Motion, Reading};
 
 /// Looks at a log.
@@ -44,15 +46,22 @@ pub(super) fn survey(path: &Path, options: &OpenOptions) -> Result<Survey, Seque
         .iter()
         .map(|note| Warning::new("log-not-whole", note.clone()))
         .collect();
+    let wheels = JointWheels::beside(path)?;
     let image_topic = choose_images(path, &log, options.image_topic.as_deref(), &mut warnings);
-    let odometry_topic =
-        choose_odometry(path, &log, options.odometry_topic.as_deref(), &mut warnings);
+    let odometry_topic = choose_odometry(
+        path,
+        &log,
+        options.odometry_topic.as_deref(),
+        wheels.is_some(),
+        &mut warnings,
+    );
     let wanted = options.odometry == OdometryChoice::Found;
     let looked = look(
         path,
         &log,
         image_topic,
         odometry_topic,
+        wheels,
         wanted,
         &mut warnings,
     );
@@ -106,6 +115,7 @@ fn look(
     log: &Arc<RobotLog>,
     image_topic: Part<Chosen>,
     odometry_topic: Part<Chosen>,
+    wheels: Option<JointWheels>,
     odometry_wanted: bool,
     warnings: &mut Vec<Warning>,
 ) -> Looked {
@@ -117,7 +127,7 @@ fn look(
         .filter_map(|chosen| Some(chosen.as_ref().ok()?.topic))
         .collect();
     let of = |chosen: &Part<Chosen>| chosen.as_ref().ok().map(|chosen| chosen.topic);
-    let mut motion = Motion::default();
+    let mut motion = Motion::new(wheels);
     for handle in log.handles(&topics) {
         let log_ns = handle.log_time_ns();
         let result = if Some(handle.topic()) == of(&image_topic) {

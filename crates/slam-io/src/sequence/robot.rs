@@ -77,6 +77,8 @@ pub(crate) enum Counts {
 pub(crate) struct Wheels {
     /// Metres a tick of the left and the right wheel, where they are given or follow.
     pub(crate) metres_per_tick: Option<[f64; 2]>,
+    /// Radii of the left and the right wheel, metres, where they are given.
+    pub(crate) radii_m: Option<[f64; 2]>,
     /// Distance between the wheels, metres; `None` where a gyroscope tells the turn.
     pub(crate) base_m: Option<f64>,
     /// Smallest and largest count before the counter wraps.
@@ -193,6 +195,7 @@ fn checked_wheels(path: &Path, raw: &WheelsSection) -> Result<Wheels, SequenceEr
     }
     Ok(Wheels {
         metres_per_tick,
+        radii_m,
         base_m: check("base_m", raw.base_m)?,
         tick_range: raw.tick_range,
         counts: raw.counts,

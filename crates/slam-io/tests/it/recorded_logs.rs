@@ -116,7 +116,7 @@ fn a_topic_that_is_named_must_be_there() {
     assert_eq!(
         faults(&path, &options(None, Some("/camera/image_raw"))),
         [
-            "LOG: expected messages of nav_msgs/Odometry or geometry_msgs/Twist(Stamped) on /camera/image_raw (--odometry-topic), found a topic of type sensor_msgs/Image; without odometry, `--odometry none` \
+            "LOG: expected messages of nav_msgs/Odometry, geometry_msgs/Twist(Stamped) or, with robot.toml beside the log, sensor_msgs/JointState on /camera/image_raw (--odometry-topic), found a topic of type sensor_msgs/Image; without odometry, `--odometry none` \
           finds the motion from the images, up to scale"
         ]
     );

@@ -2,7 +2,7 @@
 //!
 //! The only candidate is taken. Of several, images are those with the most messages, raw ones before compressed ones of
 //! equal number, and depth or infrared ones only where there is nothing else; odometry is `nav_msgs/Odometry` before
-//! velocities, and of the same type the topic with the most messages.
+//! velocities before wheel angles (where the wheels are known), and of the same type the topic with the most messages.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ const IMAGES: Wanted = Wanted {
 
 const ODOMETRY: Wanted = Wanted {
     what: "odometry topic",
-    types: "nav_msgs/Odometry or geometry_msgs/Twist(Stamped)",
+    types: "nav_msgs/Odometry, geometry_msgs/Twist(Stamped) or, with robot.toml beside the log, sensor_msgs/JointState",
     option: "--odometry-topic",
     warning: "odometry-topic-chosen",
 };
@@ -73,14 +73,16 @@ pub(super) fn choose_odometry(
     path: &Path,
     log: &RobotLog,
     named: Option<&str>,
+    wheels_known: bool,
     warnings: &mut Vec<Warning>,
 ) -> Result<Chosen, SequenceError> {
     let chosen = choose(path, log, named, warnings, &ODOMETRY, |topic| {
         let rank = match topic.kind? {
-            MessageKind::Odometry => 1,
+            MessageKind::Odometry => 2,
             MessageKind::Twist
             | MessageKind::TwistStamped
-            | MessageKind::TwistWithCovarianceStamped => 0,
+            | MessageKind::TwistWithCovarianceStamped => 1,
+            MessageKind::JointState if wheels_known => 0,
             _ => return None,
         };
         Some((rank, topic.messages, 0))

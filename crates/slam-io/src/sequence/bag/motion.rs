@@ -10,6 +10,8 @@ use std::path::Path;
 use mono_geometry::Se2;
 use robot_logs::{Message, Pose};
 
+use super::joints::{JointWheels, wheel_angles};
+
 use crate::error::SequenceError;
 use crate::sequence::poses::rows_of_poses;
 use crate::sequence::rows::OdometryRow;
@@ -29,15 +31,26 @@ pub(super) struct Reading {
     twist: Option<[f64; 2]>,
     /// x, y in metres, heading in rad.
     pose: Option<[f64; 3]>,
+    /// Angles of the left and the right wheel in rad.
+    wheels: Option<[f64; 2]>,
 }
 
 /// The frame of a stream of odometry, beside its readings.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Motion {
     body_frame: Option<String>,
+    wheels: Option<JointWheels>,
 }
 
 impl Motion {
+    /// A stream of a robot with these wheels.
+    pub(super) fn new(wheels: Option<JointWheels>) -> Self {
+        Self {
+            body_frame: None,
+            wheels,
+        }
+    }
+
     /// The stamp and the reading of a message; `None` where it is no odometry.
     pub(super) fn take(&mut self, message: Message) -> Option<(Option<i64>, Reading)> {
         match message {
@@ -50,6 +63,7 @@ impl Motion {
                 let reading = Reading {
                     twist: Some([odometry.twist.linear[0], odometry.twist.angular[2]]),
                     pose: Some(planar(&odometry.pose)),
+                    wheels: None,
                 };
                 Some((Some(odometry.header.stamp_ns), reading))
             }
@@ -58,8 +72,17 @@ impl Motion {
                 let reading = Reading {
                     twist: Some([twist.twist.linear[0], twist.twist.angular[2]]),
                     pose: None,
+                    wheels: None,
                 };
                 Some((stamped.then_some(twist.header.stamp_ns), reading))
+            }
+            Message::JointState(joints) => {
+                let reading = Reading {
+                    twist: None,
+                    pose: None,
+                    wheels: Some(wheel_angles(&joints)?),
+                };
+                Some((Some(joints.header.stamp_ns), reading))
             }
             _ => None,
         }
@@ -98,8 +121,15 @@ impl Motion {
             .iter()
             .filter_map(|(t_s, reading)| Some((*t_s, reading.pose?)))
             .collect();
+        let angles: Vec<(f64, [f64; 2])> = readings
+            .iter()
+            .filter_map(|(t_s, reading)| Some((*t_s, reading.wheels?)))
+            .collect();
         let rows = match unfilled(&twists, &poses) {
-            None => twists,
+            None => match &self.wheels {
+                Some(wheels) if !angles.is_empty() => wheels.rows(&angles),
+                _ => twists,
+            },
             Some((which, moved)) => {
                 warnings.push(Warning::new(
                     "odometry-from-poses",
