@@ -116,8 +116,12 @@ pub(crate) fn of_run(
     if findings.is_empty() {
         findings = corrected;
     }
-    if let Some(slip) = slip(odometry, frames) {
-        findings.retain(|finding| !matches!(finding, Finding::WheelSlip { .. }));
+    // Whatever makes the odometry wrong throughout makes the filter doubt it, too.
+    let slips_at_most = findings
+        .iter()
+        .all(|finding| matches!(finding, Finding::WheelSlip { .. }));
+    if let Some(slip) = slip(odometry, frames).filter(|_| slips_at_most) {
+        findings.clear();
         warnings.push(slip);
     }
     warnings.extend(findings.iter().map(told));

@@ -25,7 +25,7 @@ const ROUNDING_S: f64 = 1e-6;
 pub(super) fn holes(rows: &[OdometryRow], times_s: &[f64]) -> Vec<(f64, f64)> {
     let row_times: Vec<f64> = rows.iter().map(|row| row.t_s).collect();
     let (Some(usual_s), Some(&first), Some(&last)) = (
-        usual_interval_s(&row_times),
+        usual_meanwhile_s(rows, times_s),
         times_s.first(),
         times_s.last(),
     ) else {
@@ -39,6 +39,22 @@ pub(super) fn holes(rows: &[OdometryRow], times_s: &[f64]) -> Vec<(f64, f64)> {
         .map(|(&from, to)| (from.max(first), to.min(last)))
         .filter(|&(from, to)| to > from)
         .collect()
+}
+
+/// The usual step between rows while the images were taken, seconds; of all rows where fewer than three lie there. Rows of
+/// another rate before the first image say nothing about a hole after it.
+fn usual_meanwhile_s(rows: &[OdometryRow], times_s: &[f64]) -> Option<f64> {
+    let times: Vec<f64> = rows.iter().map(|row| row.t_s).collect();
+    let (Some(&first), Some(&last)) = (times_s.first(), times_s.last()) else {
+        return usual_interval_s(&times);
+    };
+    let from = times.partition_point(|&t_s| t_s < first);
+    let to = times.partition_point(|&t_s| t_s <= last);
+    if to >= from + 3 {
+        usual_interval_s(&times[from..to])
+    } else {
+        usual_interval_s(&times)
+    }
 }
 
 /// Checks rows against the times of the images. A first row up to one usual interval after the first image is put back to
@@ -59,7 +75,7 @@ pub(super) fn check_coverage(
     ) else {
         return Ok(warnings);
     };
-    let usual_s = usual_interval_s(&row_times).unwrap_or(0.0);
+    let usual_s = usual_meanwhile_s(rows, times_s).unwrap_or(0.0);
     let name = path
         .file_name()
         .map_or_else(String::new, |n| n.to_string_lossy().into_owned());
@@ -226,6 +242,14 @@ mod tests {
                 "[odometry-hole] odometry.csv has no row from 0.8 to 2 s, 2 to 4 s, 4 to 6 s and 1 more, rows usually come every \
               0.1 s: the speed before each is held meanwhile."
             ]
+        );
+        // A fast logger before the first image makes no holes of the slower rows after it.
+        assert!(
+            said(
+                (-4000..0).map(|k| f64::from(k) * 1e-3).chain(tenths(0, 95)),
+                &images
+            )
+            .is_empty()
         );
         // One row is a constant speed.
         assert!(said([0.0], &images).is_empty());
