@@ -95,14 +95,7 @@ impl RecordedRun {
             }
         })?;
         let config = check(config, dir)?;
-        let samples: Vec<OdometrySample> = odometry
-            .iter()
-            .map(|row| OdometrySample {
-                t_s: row.t_s,
-                v_mps: row.v_mps,
-                omega_radps: row.omega_radps,
-            })
-            .collect();
+        let samples: Vec<OdometrySample> = odometry.into_iter().map(Into::into).collect();
         Ok(Self {
             recording: recording(&record, &samples, dir)?,
             record,

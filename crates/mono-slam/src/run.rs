@@ -143,9 +143,10 @@ fn run_in_pool(
     let (path, smoother) = smoothed(&recording, rig, config, slam.smoothed_path());
     let mut warnings = sequence.warnings.clone();
     warnings.extend(warnings::of_reference(sequence));
+    let samples: Vec<OdometrySample> = sequence.odometry.iter().map(|&row| row.into()).collect();
     warnings.extend(warnings::of_run(
         &rig,
-        &odometry_samples(sequence),
+        &samples,
         pairs.pairs(),
         &frames,
         &path,
@@ -174,18 +175,6 @@ fn run_in_pool(
         method: config.filter.method.name().to_owned(),
         wall_s: clock() - started,
     })
-}
-
-fn odometry_samples(sequence: &Sequence) -> Vec<OdometrySample> {
-    sequence
-        .odometry
-        .iter()
-        .map(|row| OdometrySample {
-            t_s: row.t_s,
-            v_mps: row.v_mps,
-            omega_radps: row.omega_radps,
-        })
-        .collect()
 }
 
 /// A step of the filter with its times; the total is that of the step alone.

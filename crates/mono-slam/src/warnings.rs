@@ -80,7 +80,7 @@ fn unit_hint(frames: &[f64], reference: &[(f64, Se2)]) -> &'static str {
     }
 }
 
-/// The verdict of the images of a finished run on its odometry, its mount and itself.
+/// The word of the images of a finished run against its odometry and its mount, and whether they showed anything.
 ///
 /// `path` is the smoothed body path, one pose a frame.
 pub(crate) fn of_run(
@@ -209,7 +209,7 @@ fn nothing_seen(frames: &[FrameRecord]) -> Vec<Warning> {
         .iter()
         .filter(|f| f.report.matches < FEW_MATCHES)
         .count();
-    if share(lost, later.len()) && frames.last().is_some() {
+    if share(lost, later.len()) {
         let found = median(later.iter().map(|f| f.report.matches).collect());
         warnings.push(Warning::new(
             "few-matches",

@@ -61,10 +61,9 @@ pub fn check_motion(
     camera: &Pinhole,
     mount: &Mount,
 ) -> Vec<Finding> {
-    let usable: Vec<FramePair> = pairs
+    let usable: Vec<&FramePair> = pairs
         .iter()
         .filter(|pair| pair.matches.len() >= MIN_MATCHES && pair.to_s > pair.from_s)
-        .cloned()
         .collect();
     if usable.is_empty() || odometry.is_empty() {
         return Vec::new();
@@ -72,7 +71,7 @@ pub fn check_motion(
     let mut findings = rest::at_rest(&usable, odometry, camera);
     if findings.is_empty() {
         let every = usable.len().div_ceil(MAX_PAIRS).max(1);
-        let some: Vec<&FramePair> = usable.iter().step_by(every).collect();
+        let some: Vec<&FramePair> = usable.iter().copied().step_by(every).collect();
         match contradiction::contradiction(&some, odometry, camera, mount) {
             Some(contradiction) => findings.push(contradiction),
             None => findings.extend(slip::slip(&usable, odometry, camera, mount)),

@@ -21,7 +21,7 @@ const MIN_SPANS: usize = 3;
 
 /// Contradictions between rest and motion.
 pub(crate) fn at_rest(
-    pairs: &[FramePair],
+    pairs: &[&FramePair],
     rows: &[OdometrySample],
     camera: &Pinhole,
 ) -> Vec<Finding> {

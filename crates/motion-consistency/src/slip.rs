@@ -43,7 +43,7 @@ const JUMP_SIGMAS: f64 = 5.0;
 
 /// The surest jump of the scale between two consecutive pairs; `None` where there is none to speak of.
 pub(crate) fn slip(
-    pairs: &[FramePair],
+    pairs: &[&FramePair],
     rows: &[OdometrySample],
     camera: &Pinhole,
     mount: &Mount,
@@ -54,7 +54,7 @@ pub(crate) fn slip(
             two[0].to_s == two[1].from_s && rows.first().is_some_and(|row| row.t_s <= two[0].from_s)
         })
         .filter_map(|two| {
-            let (log_jump, sigma) = log_scale_jump(&two[0], &two[1], rows, camera, mount)?;
+            let (log_jump, sigma) = log_scale_jump(two[0], two[1], rows, camera, mount)?;
             Some((two[1].from_s, log_jump, sigma))
         })
         .filter(|(_, log_jump, sigma)| {

@@ -23,6 +23,7 @@ mod calibrations;
 mod columns;
 mod coverage;
 mod euroc;
+mod folder;
 mod frames;
 mod ground_truth;
 mod gyro;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::file::{CameraFile, MountFile, SigmaFile, file_fault, lens_from_opencv};
+use super::file::{CameraFile, file_fault, lens_from_opencv};
 use crate::error::SequenceError;
 use mono_geometry::Distortion;
 
@@ -48,16 +48,5 @@ pub(crate) fn camera_of_info(
             ));
         }
     };
-    CameraFile {
-        width,
-        height,
-        fx,
-        fy,
-        cx,
-        cy,
-        distortion,
-        mount: MountFile::default(),
-        sigma: SigmaFile::default(),
-    }
-    .checked(path)
+    CameraFile::of([width, height], [fx, fy, cx, cy], distortion).checked(path)
 }

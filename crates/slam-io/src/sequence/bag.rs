@@ -63,6 +63,7 @@ pub(super) fn survey(path: &Path, options: &OpenOptions) -> Result<Survey, Seque
         odometry_topic,
         wheels,
         wanted,
+        options.odometry_offset_s,
         &mut warnings,
     );
     let body_frame = looked.body_frame;
@@ -117,6 +118,7 @@ fn look(
     odometry_topic: Part<Chosen>,
     wheels: Option<JointWheels>,
     odometry_wanted: bool,
+    offset_s: f64,
     warnings: &mut Vec<Warning>,
 ) -> Looked {
     let mut frames: Vec<Stamped<MessageHandle>> = Vec::new();
@@ -170,7 +172,7 @@ fn look(
         let mut rows = motion.rows(path, &name, &readings, warnings)?;
         // Images without odometry are of use where none is wanted.
         if let Some(first) = rows.first().filter(|_| odometry_wanted) {
-            let before = frames.partition_point(|(t_s, _)| *t_s < first.t_s);
+            let before = frames.partition_point(|(t_s, _)| *t_s < first.t_s + offset_s);
             if before > 0 && before < frames.len() {
                 warnings.push(Warning::new(
                     "images-before-odometry",
@@ -178,14 +180,14 @@ fn look(
                         "{before} of {} images were taken before the first odometry message, up to {:.2} s, and are \
                          left out.",
                         frames.len(),
-                        first.t_s - frames[0].0
+                        first.t_s + offset_s - frames[0].0
                     ),
                 ));
                 frames.drain(..before);
             }
         }
         if odometry_wanted {
-            let times_s: Vec<f64> = frames.iter().map(|(t_s, _)| *t_s).collect();
+            let times_s: Vec<f64> = frames.iter().map(|(t_s, _)| t_s - offset_s).collect();
             warnings.extend(check_coverage(path, None, &mut rows, &times_s)?);
         }
         Ok(Odometry {

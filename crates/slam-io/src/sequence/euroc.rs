@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::calibrations::{Camera, foreign_camera, given_camera};
-use super::frames::{Frames, frames_of, known, no_frames};
+use super::folder::survey_of;
+use super::frames::{frames_of, no_frames};
 use super::motions::{TimedPoses, isometry_of, mount_of, rigid_motion};
-use super::odometry::find_odometry;
 use super::options::{OpenOptions, SequenceFormat};
 use super::reference::relative_to_first;
 use super::stamps::TimeUnit;
@@ -71,21 +71,15 @@ pub(super) fn survey(root: &Path, options: &OpenOptions) -> Survey {
             .collect();
         Some(relative_to_first(&bodies, first_s))
     });
-    let Frames { images, times_s } = frames;
-    Survey {
-        name: String::new(),
-        root: root.to_path_buf(),
-        format: SequenceFormat::Euroc,
-        images,
-        odometry: find_odometry(root, known(&times_s), &mut warnings),
+    survey_of(
+        root,
+        SequenceFormat::Euroc,
+        frames,
+        camera,
         reference,
-        times_s,
-        camera: camera.camera,
-        camera_name: camera.name,
-        sizes: Ok(()),
+        options,
         warnings,
-        camera_file: camera.file,
-    }
+    )
 }
 
 /// Keys without which a `sensor.yaml` is not that of a EuRoC camera.

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Translation3};
 
 use super::calibrations::{Camera, foreign_camera, given_camera};
-use super::frames::{Frames, known, no_frames, stamped};
+use super::folder::survey_of;
+use super::frames::{Frames, no_frames, stamped};
 use super::kitti_text::{CAMERAS, Numbered, centre_in_camera_0, numbered, numbers_of};
 use super::motions::{isometry_of, rigid_motion};
-use super::odometry::find_odometry;
 use super::options::{OpenOptions, SequenceFormat};
 use super::reference::relative_to_first;
 use super::survey::{Part, Survey};
@@ -87,21 +87,15 @@ pub(super) fn survey(root: &Path, options: &OpenOptions) -> Survey {
             .collect();
         Ok(Some(relative_to_first(&bodies, first_s)).filter(|path| !path.is_empty()))
     });
-    let Frames { images, times_s } = frames;
-    Survey {
-        name: String::new(),
-        root: root.to_path_buf(),
-        format: SequenceFormat::Kitti,
-        images,
-        odometry: find_odometry(root, known(&times_s), &mut warnings),
+    survey_of(
+        root,
+        SequenceFormat::Kitti,
+        frames,
+        camera,
         reference,
-        times_s,
-        camera: camera.camera,
-        camera_name: camera.name,
-        sizes: Ok(()),
+        options,
         warnings,
-        camera_file: camera.file,
-    }
+    )
 }
 
 /// World from camera 0, one a frame, from `NN.txt` beside or above the sequence.

@@ -11,7 +11,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::calibrations::{Camera, given_camera, no_camera};
 use super::coverage::check_coverage;
-use super::frames::{Frames, known, no_frames, stamped};
+use super::folder::by_clock_of_odometry;
+use super::frames::{Frames, no_frames, stamped};
 use super::kitti_text::{
     CAMERAS, Numbered, centre_in_camera_0, numbered, numbers_of, times_of_day,
 };
@@ -67,10 +68,11 @@ pub(super) fn survey(root: &Path, options: &OpenOptions) -> Survey {
         )
     });
     let readings = readings(root);
+    let by_odometry = by_clock_of_odometry(&frames.times_s, options);
     let odometry = match &readings {
         Ok(Some(readings)) if !root.join("odometry.csv").exists() => {
             let mut rows = rows(readings, first_s);
-            let times_s = known(&frames.times_s).unwrap_or_default();
+            let times_s = by_odometry.as_deref().unwrap_or_default();
             check_coverage(&root.join("oxts"), None, &mut rows, times_s).map(|remarks| {
                 warnings.extend(remarks);
                 Odometry {
@@ -80,7 +82,7 @@ pub(super) fn survey(root: &Path, options: &OpenOptions) -> Survey {
                 }
             })
         }
-        _ => find_odometry(root, known(&frames.times_s), &mut warnings),
+        _ => find_odometry(root, by_odometry.as_deref(), &mut warnings),
     };
     let Frames { images, times_s } = frames;
     Survey {

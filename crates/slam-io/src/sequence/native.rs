@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::calibrations::{Camera, given_camera, no_camera};
-use super::frames::{Frames, frames_of, known, no_frames};
-use super::odometry::find_odometry;
+use super::folder::survey_of;
+use super::frames::{frames_of, no_frames};
 use super::options::{OpenOptions, SequenceFormat};
 use super::reference::read_reference;
 use super::survey::{Part, Survey};
@@ -27,28 +27,7 @@ pub(super) fn survey(root: &Path, format: SequenceFormat, options: &OpenOptions)
     let camera = given_camera(root, options, frames.size(), &mut warnings)
         .unwrap_or_else(|| Camera::of_layout(Err(no_camera(root, "")), "camera.toml"));
     let reference = read_reference(root, &camera.mount(), first_s);
-    let Frames { images, times_s } = frames;
-    // What the odometry is held against: the frames by its own clock.
-    let by_odometry: Option<Vec<f64>> = known(&times_s).map(|times| {
-        times
-            .iter()
-            .map(|t_s| t_s - options.odometry_offset_s)
-            .collect()
-    });
-    Survey {
-        name: String::new(),
-        root: root.to_path_buf(),
-        format,
-        images,
-        camera: camera.camera,
-        camera_name: camera.name,
-        sizes: Ok(()),
-        odometry: find_odometry(root, by_odometry.as_deref(), &mut warnings),
-        reference,
-        times_s,
-        warnings,
-        camera_file: camera.file,
-    }
+    survey_of(root, format, frames, camera, reference, options, warnings)
 }
 
 fn images_in(folder: &Path) -> Part<Vec<PathBuf>> {

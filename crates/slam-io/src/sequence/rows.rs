@@ -3,6 +3,8 @@
 use std::fmt::{self, Write as _};
 use std::path::PathBuf;
 
+use mono_geometry::motion::OdometrySample;
+
 /// One row: it holds from its time to the next row's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OdometryRow {
@@ -12,6 +14,16 @@ pub struct OdometryRow {
     pub v_mps: f64,
     /// Turn rate about the body's z axis (left positive), rad/s.
     pub omega_radps: f64,
+}
+
+impl From<OdometryRow> for OdometrySample {
+    fn from(row: OdometryRow) -> Self {
+        Self {
+            t_s: row.t_s,
+            v_mps: row.v_mps,
+            omega_radps: row.omega_radps,
+        }
+    }
 }
 
 /// Odometry and where it came from.

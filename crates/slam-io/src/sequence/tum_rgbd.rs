@@ -7,8 +7,8 @@
 use std::path::Path;
 
 use super::calibrations::{Camera, given_camera, no_camera};
-use super::frames::{Frames, frames_of, known, no_frames};
-use super::odometry::find_odometry;
+use super::folder::survey_of;
+use super::frames::{frames_of, no_frames};
 use super::options::{OpenOptions, SequenceFormat};
 use super::reference::read_reference;
 use super::survey::Survey;
@@ -31,19 +31,13 @@ pub(super) fn survey(root: &Path, options: &OpenOptions) -> Survey {
         Camera::of_layout(Err(no_camera(root, example)), "camera.toml")
     });
     let reference = read_reference(root, &camera.mount(), first_s);
-    let Frames { images, times_s } = frames;
-    Survey {
-        name: String::new(),
-        root: root.to_path_buf(),
-        format: SequenceFormat::TumRgbd,
-        images,
-        odometry: find_odometry(root, known(&times_s), &mut warnings),
+    survey_of(
+        root,
+        SequenceFormat::TumRgbd,
+        frames,
+        camera,
         reference,
-        times_s,
-        camera: camera.camera,
-        camera_name: camera.name,
-        sizes: Ok(()),
+        options,
         warnings,
-        camera_file: camera.file,
-    }
+    )
 }
