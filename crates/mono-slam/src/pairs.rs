@@ -22,7 +22,8 @@ const MAX_GAP: usize = 64;
 /// Collects [`FramePair`]s while the frames of a run pass by.
 ///
 /// The distance of the two frames follows the image motion, so that a camera of 5 Hz and one of 200 Hz give alike pairs.
-/// It keeps the keypoints of one frame. Time a pair: below a millisecond.
+/// It keeps the keypoints of one frame. Time a pair: two exact searches of 300
+/// descriptors in 300.
 #[derive(Debug, Clone)]
 pub struct PairCollector {
     spacing: usize,
