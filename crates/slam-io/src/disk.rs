@@ -3,7 +3,7 @@
 use mono_geometry::Se2;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::{FrameReport, KeypointFate, KeypointReport, PoseEstimate};
+use slam_pipeline::{FrameReport, KeypointFate, KeypointReport, PoseEstimate, Tracking};
 
 /// A planar pose: metres, metres, radians.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -69,6 +69,10 @@ pub(crate) struct Report {
     /// Absent in files of earlier versions.
     #[serde(default)]
     odometry_doubted: bool,
+    #[serde(default, with = "State")]
+    tracking: Tracking,
+    #[serde(default)]
+    revisit: bool,
     #[serde(skip)]
     keypoints: Vec<KeypointReport>,
     notes: Vec<String>,
@@ -86,4 +90,16 @@ pub(crate) enum Fate {
     New,
     /// None of these.
     Unused,
+}
+
+/// Whether the system knows where it is, by its name.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Tracking", rename_all = "lowercase")]
+pub(crate) enum State {
+    /// The map is followed.
+    Tracking,
+    /// Nothing of the map is seen where it is expected.
+    Lost,
+    /// Found again with this frame.
+    Relocalised,
 }

@@ -39,8 +39,8 @@ pub use features::detector_of;
 pub use odometry::{Control, Odometer, OdometryInterval};
 pub use rig::Rig;
 pub use slam::{
-    FrameInput, FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Slam,
-    SlamError, Stage, StageObserver,
+    FrameInput, FrameReport, KeypointFate, KeypointReport, KnownKeyframe, KnownLandmark, KnownMap,
+    MapLandmark, MapUse, PoseEstimate, Slam, SlamError, Stage, StageObserver, Tracking,
 };
 
 /// Compiles and runs the code of the README.

@@ -55,7 +55,7 @@ pub fn covariance_csv(times_s: &[f64], estimates: &[PoseEstimate]) -> Result<Vec
 }
 
 /// Header of `frames.csv`.
-const FRAME_COLUMNS: [&str; 21] = [
+const FRAME_COLUMNS: [&str; 23] = [
     "frame",
     "t_s",
     "keyframe",
@@ -76,6 +76,8 @@ const FRAME_COLUMNS: [&str; 21] = [
     "evolution_ms",
     "mapping_ms",
     "total_ms",
+    "state",
+    "revisit",
     "notes",
 ];
 
@@ -105,6 +107,8 @@ pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError>
             times.evolution_ms.to_string(),
             times.mapping_ms.to_string(),
             times.total_ms.to_string(),
+            frame.report.tracking.name().to_owned(),
+            u8::from(frame.report.revisit).to_string(),
             frame.report.notes.join("; "),
         ]
     })

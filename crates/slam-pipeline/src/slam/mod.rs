@@ -13,6 +13,7 @@ mod estimate;
 mod feature_budget;
 mod keyframe;
 mod keyframe_policy;
+mod known_map;
 mod plan;
 mod redraw;
 mod report;
@@ -47,8 +48,10 @@ use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
 use keyframe_policy::KeyframePolicy;
+pub use known_map::{KnownKeyframe, KnownLandmark, KnownMap, MapUse};
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
+    Tracking,
 };
 use turned::Turned;
 use window::Window;

@@ -8,7 +8,7 @@ use super::keyframe::{PlannedKeyframe, Seen};
 use super::keyframe_policy::KeyframeCues;
 use super::{
     FrameInput, FrameReport, KeypointFate, KeypointReport, PoseEstimate, Slam, SlamError, Stage,
-    StageObserver,
+    StageObserver, Tracking,
 };
 use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
@@ -98,6 +98,8 @@ impl Slam {
             es_acceptance: None,
             nis: mean_nis(&association),
             odometry_doubted: doubted,
+            tracking: Tracking::Tracking,
+            revisit: false,
             keypoints: keypoint_reports(keypoints, &association),
             notes: Vec::new(),
         };

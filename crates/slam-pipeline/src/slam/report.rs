@@ -50,6 +50,30 @@ pub struct KeypointReport {
     pub predicted: Option<Vector2<f64>>,
 }
 
+/// Whether the system knows where it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Tracking {
+    /// The landmarks of the map are followed, or there is nothing to follow yet.
+    #[default]
+    Tracking,
+    /// The images show nothing of the map where it is expected: the pose is that of the odometry, its covariance grows.
+    Lost,
+    /// The robot was found again in the map with this frame.
+    Relocalised,
+}
+
+impl Tracking {
+    /// Name as written in tables: `tracking`, `lost` or `relocalised`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tracking => "tracking",
+            Self::Lost => "lost",
+            Self::Relocalised => "relocalised",
+        }
+    }
+}
+
 /// The outcome of one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameReport {
@@ -77,6 +101,10 @@ pub struct FrameReport {
     pub nis: Option<f64>,
     /// Whether the odometry since the last keyframe was taken for that of slipping wheels, because the matches lay beside it.
     pub odometry_doubted: bool,
+    /// Whether the system knows where it is.
+    pub tracking: Tracking,
+    /// Whether an old place was recognised with this frame and the path since then corrected.
+    pub revisit: bool,
     /// One entry a keypoint, in the order of the features.
     pub keypoints: Vec<KeypointReport>,
     /// Remarks on what was unusual; empty for an ordinary frame.

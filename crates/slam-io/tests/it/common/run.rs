@@ -64,6 +64,8 @@ pub(crate) fn small_run() -> RunRecord {
                         Vec::new()
                     },
                     odometry_doubted: false,
+                    tracking: slam_pipeline::Tracking::Tracking,
+                    revisit: false,
                     keypoints: Vec::new(),
                 },
                 times: StageTimes {
