@@ -3,7 +3,11 @@
 use lexopt::prelude::*;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use wall_scenes::{BoardSetSpec, CalibrationError, Carrier, FrameRate, SceneKind, SceneSpec};
+use std::str::FromStr;
+use wall_scenes::{
+    BoardSetSpec, CalibrationError, Carrier, FrameRate, FrameSpan, Kidnap, Mishaps, SceneKind,
+    SceneSpec, Stop, Stops,
+};
 
 /// The text of `--help`.
 pub(crate) const HELP: &str = "\
@@ -20,6 +24,15 @@ scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
       [--slope RAD]                  steepest slope of the floor
       [--turn-bias RADPS]            constant error of the reported turn rate
       [--wheel-radius RATIO]         constant relative error of the reported speed
+      [--pause EVERY:COUNT]          after every EVERY frames of driving stand still for COUNT frames
+      [--spin EVERY:COUNT]           after every EVERY frames of driving turn once around on the spot in COUNT frames
+      [--soak]                       the room for 10,000 frames: laps, pauses, turns on the spot (instead of --laps)
+      [--twin-posters]               the same poster in two places
+      [--kidnap FRAME:METRES]        before FRAME the robot is carried METRES away; the odometry does not know
+      [--dark FROM:TO]               no light from frame FROM until before frame TO
+      [--blocked FROM:TO]            a covered lens in these frames: one dim tone with noise
+      [--shutter SECONDS]            time of an exposure, about the time of the image: motion blur (0)
+      [--walker]                     a person-sized block walks between the robot and the walls
       [--mount-yaw RAD]              error of the mount in camera.toml
       [--focal RATIO]                relative error of the focal length in camera.toml
 board --out DIR [--count N] [--seed S] [--width PX] [--noise LEVELS]
@@ -79,6 +92,8 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
     let (mut frames, mut noise_px, mut laps) = (None, None, None);
     let (mut carrier, mut calibration) = (Carrier::IDEAL, CalibrationError::default());
     let mut frame_rate = FrameRate::ONE;
+    let (mut stops, mut soak, mut twin_posters) = (Stops::default(), false, false);
+    let mut mishaps = Mishaps::default();
     while let Some(argument) = parser.next()? {
         match argument {
             Long("out") => out = Some(PathBuf::from(parser.value()?)),
@@ -96,6 +111,18 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
             Long("slope") => carrier.slope_rad = parser.value()?.parse()?,
             Long("turn-bias") => carrier.turn_bias_radps = parser.value()?.parse()?,
             Long("wheel-radius") => carrier.wheel_radius_ratio = parser.value()?.parse()?,
+            Long("pause") => stops.pause = Some(stop("pause", parser)?),
+            Long("spin") => stops.spin = Some(stop("spin", parser)?),
+            Long("soak") => soak = true,
+            Long("twin-posters") => twin_posters = true,
+            Long("kidnap") => {
+                let (frame, metres) = pair("kidnap", "FRAME:METRES", parser)?;
+                mishaps.kidnap = Some(Kidnap { frame, metres });
+            }
+            Long("dark") => mishaps.dark = Some(span("dark", parser)?),
+            Long("blocked") => mishaps.blocked = Some(span("blocked", parser)?),
+            Long("shutter") => mishaps.shutter_s = parser.value()?.parse()?,
+            Long("walker") => mishaps.walker = true,
             Long("mount-yaw") => calibration.mount_yaw_rad = parser.value()?.parse()?,
             Long("focal") => calibration.focal_ratio = parser.value()?.parse()?,
             Long("help") | Short('h') => return Ok(Command::Help),
@@ -103,10 +130,20 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
         }
     }
     let mut spec = match kind.as_str() {
+        "room" if soak => SceneSpec::soak(seed),
         "wall" => SceneSpec::wall(seed),
         "room" => SceneSpec::laps(seed, laps.unwrap_or(1)),
         other => return Err(format!("--kind must be wall or room, not `{other}`").into()),
     };
+    require(
+        !soak || (spec.kind, laps) == (SceneKind::Room, None),
+        || "--soak needs --kind room, and brings its own laps".into(),
+    )?;
+    if stops != Stops::default() {
+        spec = spec.with_stops(stops);
+    }
+    spec.twin_posters = twin_posters;
+    spec.mishaps = mishaps;
     spec.frames = frames.unwrap_or(spec.frames);
     require(laps.is_none() || spec.kind == SceneKind::Room, || {
         "--laps needs --kind room".into()
@@ -121,6 +158,29 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
         "--out must not be empty".into()
     })?;
     Ok(Command::Scene { out, spec })
+}
+
+/// Two numbers with a colon between them.
+fn pair<A: FromStr, B: FromStr>(
+    flag: &str,
+    form: &str,
+    parser: &mut lexopt::Parser,
+) -> Result<(A, B), lexopt::Error> {
+    let text = parser.value()?.string()?;
+    let parts = text.split_once(':');
+    parts
+        .and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)))
+        .ok_or_else(|| format!("--{flag} takes {form}, not `{text}`").into())
+}
+
+fn stop(flag: &str, parser: &mut lexopt::Parser) -> Result<Stop, lexopt::Error> {
+    let (every, frames) = pair(flag, "EVERY:COUNT", parser)?;
+    Ok(Stop { every, frames })
+}
+
+fn span(flag: &str, parser: &mut lexopt::Parser) -> Result<FrameSpan, lexopt::Error> {
+    let (from, to) = pair(flag, "FROM:TO", parser)?;
+    Ok(FrameSpan { from, to })
 }
 
 /// `R` or `1/R`.
@@ -224,6 +284,46 @@ mod tests {
                 spec
             }
         );
+        let line = "scene --out a --kind room --pause 5:20 --spin 60:24 --twin-posters --kidnap 30:1.25 --dark 4:6 \
+                    --blocked 8:9 --shutter 0.02 --walker";
+        let spec = SceneSpec {
+            twin_posters: true,
+            mishaps: Mishaps {
+                kidnap: Some(Kidnap {
+                    frame: 30,
+                    metres: 1.25,
+                }),
+                dark: Some(FrameSpan { from: 4, to: 6 }),
+                blocked: Some(FrameSpan { from: 8, to: 9 }),
+                shutter_s: 0.02,
+                walker: true,
+            },
+            ..SceneSpec::room(1).with_stops(Stops {
+                pause: Some(Stop {
+                    every: 5,
+                    frames: 20,
+                }),
+                spin: Some(Stop {
+                    every: 60,
+                    frames: 24,
+                }),
+            })
+        };
+        assert_eq!(spec.frames, 186 + 37 * 20 + 3 * 24);
+        assert_eq!(
+            read(line).unwrap(),
+            Command::Scene {
+                out: "a".into(),
+                spec
+            }
+        );
+        assert_eq!(
+            read("scene --out a --kind room --soak --seed 4").unwrap(),
+            Command::Scene {
+                out: "a".into(),
+                spec: SceneSpec::soak(4)
+            }
+        );
         let mut board = BoardSetSpec::small(7, 5);
         board.image = (800, 600);
         board.look.noise = 2.5;
@@ -248,6 +348,14 @@ mod tests {
             ("scene --out x --seed -3", "-3"),
             ("scene --out x --noise-px", "--noise-px"),
             ("scene --out x --laps 2", "--laps"),
+            ("scene --out x --soak", "--soak"),
+            ("scene --out x --soak --kind room --laps 2", "--soak"),
+            ("scene --out x --pause 5", "EVERY:COUNT"),
+            ("scene --out x --spin 5:-2", "--spin"),
+            ("scene --out x --kidnap 5:far", "FRAME:METRES"),
+            ("scene --out x --dark 5", "FROM:TO"),
+            ("scene --out x --blocked 7:5", "blocked"),
+            ("scene --out x --shutter 9", "shutter"),
             ("scene --out x --frame-rate 0", "--frame-rate"),
             ("scene --out x --slope 3", "slope"),
             ("scene --out x --focal nan", "focal"),

@@ -21,7 +21,7 @@ pub(crate) enum Course {
 }
 
 impl Course {
-    /// Metres of a frame in a drive of `frames` frames.
+    /// Metres of a frame in a drive of `frames` frames without stops.
     pub(crate) fn step_m(self, frames: usize) -> f64 {
         match self {
             Self::Straight { step_m, .. } => step_m,
@@ -33,7 +33,7 @@ impl Course {
     }
 
     /// Length of one round, after which floor and heading are the same again, metres.
-    fn round_m(self) -> f64 {
+    pub(crate) fn round_m(self) -> f64 {
         match self {
             Self::Straight { wave_m, .. } => wave_m,
             Self::Loop {

@@ -9,9 +9,11 @@ use crate::camera::{CX, CY, HEIGHT, POSITION_IN_BODY, WIDTH};
 use crate::error::SceneError;
 use crate::files::{create_folder, read_file, write_file};
 use crate::image::CompressionType;
+use crate::layout::walk;
 use crate::odometry::OdometryRow;
 use crate::scene::Scene;
 use crate::spec::SceneSpec;
+use crate::walker;
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::Write as _;
@@ -111,13 +113,14 @@ impl Scene {
 
     /// Specification and geometry; rectangles as their two extreme corners and normal.
     fn description(&self) -> String {
-        let facets: Vec<_> = self
-            .world
-            .facets
+        let all = &self.world.facets;
+        let walker = self.spec.mishaps.walker;
+        let standing = all.len() - if walker { walker::FACES } else { 0 };
+        let facets: Vec<_> = all[..standing]
             .iter()
             .map(|f| json!([f.axis, f.normal_sign, f.offset, f.low, f.high]))
             .collect();
-        let value = json!({
+        let mut value = json!({
             "spec": self.spec,
             "facets": {
                 "columns": ["axis", "normal_sign", "offset_m", "low_m", "high_m"],
@@ -125,6 +128,18 @@ impl Scene {
                 "rows": facets,
             },
         });
+        let told = self.spec.told();
+        if !told.is_empty() {
+            value["told"] = json!(told);
+        }
+        if walker {
+            let way = walk(&self.spec);
+            let places = self.path().times_s.iter().map(|&time_s| way.at(time_s));
+            value["walker"] = json!({
+                "note": "centre of the block at each image, metres in world axes",
+                "rows": places.collect::<Vec<_>>(),
+            });
+        }
         format!("{value}\n")
     }
 

@@ -6,6 +6,7 @@ use crate::skin::kind::Skin;
 use crate::skin::paint::Paint;
 use crate::spec::{SceneKind, SceneSpec};
 use crate::stream::{Purpose, stream};
+use crate::walker::{self, Way};
 use crate::world::World;
 use nalgebra::{Point3, Vector3};
 
@@ -21,6 +22,14 @@ const ROOM_SIZE_M: [f64; 2] = [6.0, 5.0];
 const ROOM_INSET_M: f64 = 1.9;
 /// Frames that drive the start of the room loop again.
 const ROOM_OVERLAP: usize = 14;
+/// Distance of somebody who walks from the walls, metres.
+const WALK_INSET_M: f64 = 0.9;
+/// Width and height of a poster's board, metres.
+const POSTER_SIZE_M: [f64; 2] = [0.8, 1.1];
+/// Height of its lower edge, metres.
+const POSTER_LOW_M: f64 = 0.4;
+/// Distance of a board from the wall, metres: in front of all relief.
+const POSTER_BEFORE_M: f64 = 0.52;
 
 /// The course of an experiment.
 pub(crate) fn course(spec: &SceneSpec) -> Course {
@@ -38,13 +47,13 @@ pub(crate) fn course(spec: &SceneSpec) -> Course {
     }
 }
 
-/// The walls of an experiment with everything on and before them.
-pub(crate) fn furniture(spec: &SceneSpec) -> World {
-    let mut world = World::default();
+/// Corners of the walls: low and high.
+fn bounds(spec: &SceneSpec) -> (Point3<f64>, Point3<f64>) {
     let margin = 1.8;
-    let (low, high) = match spec.kind {
+    match spec.kind {
         SceneKind::Wall => {
-            let length = WALL_STEP_M * (spec.frames - 1) as f64;
+            let carried = spec.mishaps.kidnap.map_or(0.0, |kidnap| kidnap.metres);
+            let length = WALL_STEP_M * (spec.stops.driven(spec.frames - 1)) as f64 + carried;
             (
                 Point3::new(-margin, 0.0, 0.0),
                 Point3::new(length + margin, WALL_DISTANCE_M, WALL_HEIGHT_M),
@@ -57,7 +66,53 @@ pub(crate) fn furniture(spec: &SceneSpec) -> World {
                 Point3::new(x / 2.0, ROOM_INSET_M, WALL_HEIGHT_M),
             )
         }
+    }
+}
+
+/// The way of somebody who walks between the robot and the walls.
+pub(crate) fn walk(spec: &SceneSpec) -> Way {
+    let (low, high) = bounds(spec);
+    let inset = WALK_INSET_M;
+    let y = match spec.kind {
+        SceneKind::Wall => high.y - inset,
+        SceneKind::Room => low.y + inset,
     };
+    Way {
+        low: [low.x + inset, y],
+        high: [high.x - inset, high.y - inset],
+    }
+}
+
+/// Two boards with the same poster, in front of all furniture: along a wall after a quarter and three quarters of it, in
+/// the room on opposite sides, not quite opposite one another.
+fn twin_posters(world: &mut World, spec: &SceneSpec) {
+    let (low, high) = bounds(spec);
+    let far = (high.y - POSTER_BEFORE_M, -Vector3::y());
+    let places = match spec.kind {
+        SceneKind::Wall => {
+            let driven = high.x + low.x;
+            [(0.25 * driven, far), (0.75 * driven, far)]
+        }
+        SceneKind::Room => {
+            let near = (low.y + POSTER_BEFORE_M, Vector3::y());
+            [(0.55, far), (0.2, near)]
+        }
+    };
+    let [width, height] = POSTER_SIZE_M;
+    for (x, (y, normal)) in places {
+        world.rectangle(
+            Point3::new(x - width / 2.0, y, POSTER_LOW_M),
+            Point3::new(x + width / 2.0, y, POSTER_LOW_M + height),
+            normal,
+            Paint::Twin(Skin::Poster),
+        );
+    }
+}
+
+/// The walls of an experiment with everything on and before them; somebody who walks comes last.
+pub(crate) fn furniture(spec: &SceneSpec) -> World {
+    let mut world = World::default();
+    let (low, high) = bounds(spec);
     // Lower left corner as seen from inside, inward normal, length.
     let size = high - low;
     let mut walls = vec![(Point3::new(low.x, high.y, 0.0), -Vector3::y(), size.x)];
@@ -88,6 +143,12 @@ pub(crate) fn furniture(spec: &SceneSpec) -> World {
         };
         let ceiling_near = Point3::new(low.x, low.y, WALL_HEIGHT_M);
         world.rectangle(ceiling_near, high, -Vector3::z(), ceiling);
+    }
+    if spec.twin_posters {
+        twin_posters(&mut world, spec);
+    }
+    if spec.mishaps.walker {
+        walker::add(&mut world);
     }
     world
 }

@@ -2,8 +2,8 @@
 //!
 //! Use it to test or compare what works on images, where a recording could not tell the truth to the last digit: the
 //! pose of every frame, the 3-D point behind every pixel, the corners of every board. Do not use it to claim how a
-//! method does on real images: there is no motion blur, no rolling shutter, nobody walks through the picture, and the
-//! walls have more texture than most.
+//! method does on real images: there is no rolling shutter, motion blur and passers-by are there only when asked for, and
+//! the walls have more texture than most.
 //!
 //! One [`SceneSpec`] fixes a sequence to the last bit. Each use of randomness has a stream of its own, keyed by seed,
 //! purpose and index, so neither threads nor the order of work can change a pixel.
@@ -46,15 +46,18 @@ mod folder;
 mod furnish;
 mod image;
 mod layout;
+mod mishaps;
 mod odometry;
 mod render;
 mod scene;
 mod screen;
 mod skin;
 mod spec;
+mod stops;
 mod stream;
 mod timing;
 mod trajectory;
+mod walker;
 mod world;
 
 pub use board::{Board, BoardRenderer, BoardSetSpec, Look, Picture, board_poses, write_board_set};
@@ -62,10 +65,12 @@ pub use calibration::CalibrationError;
 pub use carrier::Carrier;
 pub use error::SceneError;
 pub use image::GreyImage;
+pub use mishaps::{FrameSpan, Kidnap, Mishaps};
 pub use odometry::{OdometryNoise, OdometryRow};
 pub use scene::Scene;
 pub use skin::paint::Skins;
 pub use spec::{SceneKind, SceneSpec};
+pub use stops::{Stop, Stops};
 pub use timing::{FRAME_PERIOD_S, FrameRate, ROWS_PER_FRAME};
 pub use trajectory::TruePath;
 

@@ -3,7 +3,7 @@
 //! Noise is stated per frame, as a filter meets it: a step has
 //! `speed_ratio` of white error in its length and `heading_rad` in its turn;
 //! with n rows a frame the rows carry `sqrt(n)` times the relative error in
-//! speed and `1/sqrt(n)` times the turn. Two constants are drawn once per seed: a speed
+//! speed and `1/sqrt(n)` times the turn. The wheels of a robot that stands say so without noise. Two constants are drawn once per seed: a speed
 //! scale error and a turn-rate offset; those of the carrier come on top.
 
 use crate::carrier::Carrier;
@@ -54,7 +54,7 @@ pub struct OdometryRow {
     pub omega_radps: f64,
 }
 
-/// The rows the wheels report for true `controls`: with noise and constant errors; the last row stays at rest.
+/// The rows the wheels report for true `controls`: with noise and constant errors; rows at rest stay at rest.
 pub(crate) fn report(
     controls: &[OdometryRow],
     noise: &OdometryNoise,
@@ -69,8 +69,15 @@ pub(crate) fn report(
     let moving = controls.len() - 1;
     let mut rows = controls.to_vec();
     for row in &mut rows[..moving] {
-        row.v_mps *= scale + noise.speed_ratio * share * normal();
-        row.omega_radps += offset + noise.heading_rad / share / dt * normal();
+        let errors = [
+            noise.speed_ratio * share * normal(),
+            offset + noise.heading_rad / share / dt * normal(),
+        ];
+        if row.v_mps == 0.0 && row.omega_radps == 0.0 {
+            continue;
+        }
+        row.v_mps *= scale + errors[0];
+        row.omega_radps += errors[1];
         row.v_mps *= 1.0 + carrier.wheel_radius_ratio;
         row.omega_radps += carrier.turn_bias_radps;
     }

@@ -1,24 +1,28 @@
 //! Images of a scene: rays, optics, sensor.
 //!
 //! Steps per frame: 4x4 rays a pixel averaged (the pixel's square aperture), a Gaussian
-//! blur for the lens, vignetting 1 - a r^2, the frame's exposure, noise with variance
+//! blur for the lens (an open shutter sees the mean over its poses, 2x2 rays each), vignetting 1 - a r^2, the frame's exposure, noise with variance
 //! `noise_px`^2 (1/3 + 2/3 I / 128) (read plus shot noise; I in grey levels), rounding to 8 bits.
 //! Rows of a frame and frames are independent; the noise of frame k is stream k.
 
 use crate::camera::{CX, CY, HEIGHT, WIDTH, ray};
+use crate::facet::{Facet, nearest};
 use crate::image::GreyImage;
+use crate::mishaps::FrameSpan;
 use crate::scene::Scene;
 use crate::screen::ScreenIndex;
 use crate::skin::paint::Skins;
 use crate::stream::{Purpose, stream};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Rays along each edge of a pixel.
-const RAYS: usize = 4;
+/// Rays along each edge of a pixel of a still camera, and of each pose of a moving one.
+const RAYS: [usize; 2] = [4, 2];
+/// Mean brightness of what covers the lens.
+const COVER: f32 = 55.0;
 /// Standard deviation of the lens blur, pixels.
 const BLUR_SIGMA_PX: f64 = 0.75;
 /// Loss of light at the image corner.
@@ -29,12 +33,20 @@ const WHITE_LEVEL: f32 = 1.1;
 const READ_SHARE: f32 = 1.0 / 3.0;
 
 impl Scene {
-    /// The image of a frame, row by row. About 40 ms of one core.
+    /// The image of a frame, row by row. About 40 ms of one core, a quarter of that a pose where the shutter is open for long.
     ///
     /// # Panics
     /// When `frame` is not below the number of frames, or the skins are another scene's.
     pub fn render(&self, skins: &Skins, frame: usize) -> GreyImage {
-        let clean = blur(&self.radiance(skins, frame));
+        let frames = self.spec.frame_rate.frames_at(frame);
+        let hidden = |span: Option<FrameSpan>| span.is_some_and(|span| span.holds(frames));
+        let clean = if hidden(self.spec.mishaps.dark) {
+            vec![0.0; WIDTH * HEIGHT]
+        } else if hidden(self.spec.mishaps.blocked) {
+            vec![COVER; WIDTH * HEIGHT]
+        } else {
+            blur(&self.radiance(skins, frame))
+        };
         let exposure = self.exposure(frame);
         let mut rng = stream(self.spec.seed, Purpose::Sensor, frame as u64);
         let corner2 = CX.max(WIDTH as f64 - CX).powi(2) + CY.max(HEIGHT as f64 - CY).powi(2);
@@ -67,11 +79,33 @@ impl Scene {
 
     /// Mean brightness (0..255) under each pixel's aperture.
     fn radiance(&self, skins: &Skins, frame: usize) -> Vec<f32> {
-        let pose = self.world_from_camera(frame);
-        let index = ScreenIndex::new(&self.world.facets, &pose);
+        let facets = self.facets_at(frame);
+        let poses = self.exposure_poses(frame);
+        let mut sum = vec![0.0_f32; WIDTH * HEIGHT];
+        for pose in &poses {
+            let rays = RAYS[usize::from(poses.len() > 1)];
+            let seen = self.radiance_from(skins, &facets, pose, rays);
+            for (sum, seen) in sum.iter_mut().zip(seen) {
+                *sum += seen;
+            }
+        }
+        let share = 1.0 / poses.len() as f32;
+        sum.iter_mut().for_each(|value| *value *= share);
+        sum
+    }
+
+    /// Mean brightness under each pixel's aperture from one pose, `rays` along each edge of a pixel.
+    fn radiance_from(
+        &self,
+        skins: &Skins,
+        facets: &[Facet],
+        pose: &Isometry3<f64>,
+        rays: usize,
+    ) -> Vec<f32> {
+        let index = ScreenIndex::new(facets, pose);
         let origin = Point3::from(pose.translation.vector);
         let across: Vector3<f64> = pose * (ray(1.0, 0.0) - ray(0.0, 0.0));
-        let offset = |k: usize| (k as f64 + 0.5) / RAYS as f64 - 0.5;
+        let offset = |k: usize| (k as f64 + 0.5) / rays as f64 - 0.5;
         let mut pixels = vec![0.0_f32; WIDTH * HEIGHT];
         pixels
             .par_chunks_mut(WIDTH)
@@ -80,19 +114,18 @@ impl Scene {
                 for (column, pixel) in line.iter_mut().enumerate() {
                     let candidates = index.at(column, row);
                     let mut sum = 0.0;
-                    for j in 0..RAYS {
+                    for j in 0..rays {
                         let start = pose * ray(column as f64, row as f64 + offset(j));
-                        for i in 0..RAYS {
+                        for i in 0..rays {
                             let direction = start + across * offset(i);
-                            if let Some(hit) =
-                                self.world.cast_among(candidates, &origin, &direction)
-                            {
+                            let listed = candidates.iter().map(|&k| k as usize);
+                            if let Some(hit) = nearest(facets, listed, &origin, &direction) {
                                 let point = origin + direction * hit.distance;
-                                sum += skins.brightness(&self.world.facets, hit.facet, &point);
+                                sum += skins.brightness(facets, hit.facet, &point);
                             }
                         }
                     }
-                    *pixel = sum / (RAYS * RAYS) as f32;
+                    *pixel = sum / (rays * rays) as f32;
                 }
             });
         pixels

@@ -5,16 +5,19 @@
 use crate::calibration::CalibrationError;
 use crate::camera;
 use crate::error::SceneError;
-use crate::layout::{course, furniture};
+use crate::facet::{Facet, nearest};
+use crate::layout::{course, furniture, walk};
 use crate::odometry::{OdometryRow, report};
 use crate::skin::paint::{Skins, paint_facets};
 use crate::spec::SceneSpec;
 use crate::stream::{Purpose, stream};
 use crate::timing::{FRAME_PERIOD_S, ROWS_PER_FRAME};
 use crate::trajectory::{Drive, DriveStreams, TruePath};
+use crate::walker;
 use crate::world::World;
 use mono_geometry::{Mount, Pinhole};
 use nalgebra::{Isometry3, Point3};
+use std::borrow::Cow;
 
 /// A built scene: geometry, the true path, the odometry. Skins are painted apart.
 #[derive(Debug, Clone)]
@@ -29,7 +32,7 @@ impl Scene {
     /// Builds the scene of a specification, without painting it: quick.
     ///
     /// # Errors
-    /// As [`SceneSpec::check`].
+    /// As [`SceneSpec::check`], or a kidnapping over a distance that the room does not offer.
     pub fn new(spec: SceneSpec) -> Result<Self, SceneError> {
         spec.check()?;
         let drive = Drive {
@@ -37,6 +40,9 @@ impl Scene {
             frames: spec.frames,
             rate: spec.frame_rate,
             carrier: spec.carrier,
+            stops: spec.stops,
+            kidnap: spec.mishaps.kidnap,
+            shutter_s: spec.mishaps.shutter_s,
         };
         let stream = |purpose| stream(spec.seed, purpose, 0);
         let path = TruePath::drive(
@@ -46,7 +52,7 @@ impl Scene {
                 slip: stream(Purpose::Slip),
                 sway: stream(Purpose::Sway),
             },
-        );
+        )?;
         let odometry = report(
             &path.controls,
             &spec.odometry,
@@ -128,6 +134,17 @@ impl Scene {
         self.path.poses.len()
     }
 
+    /// Camera poses while the shutter of a frame is open, equally apart in time; its own pose where it is open for no time.
+    pub(crate) fn exposure_poses(&self, frame: usize) -> Vec<Isometry3<f64>> {
+        let open = &self.path.exposures[frame];
+        if open.is_empty() {
+            return vec![self.world_from_camera(frame)];
+        }
+        open.iter()
+            .map(|(pose, attitude)| camera::world_from_camera(pose, attitude))
+            .collect()
+    }
+
     /// True camera pose of a frame.
     ///
     /// # Panics
@@ -147,10 +164,25 @@ impl Scene {
         }
         let pose = self.world_from_camera(frame);
         let origin = Point3::from(pose.translation.vector);
+        let facets = self.facets_at(frame);
         // The ray has unit camera depth, so its parameter is the depth.
-        self.world
-            .cast(&origin, &(pose * camera::ray(u, v)))
-            .map(|hit| hit.distance)
+        nearest(
+            &facets,
+            0..facets.len(),
+            &origin,
+            &(pose * camera::ray(u, v)),
+        )
+        .map(|hit| hit.distance)
+    }
+
+    /// The facets of the scene at the time of a frame.
+    pub(crate) fn facets_at(&self, frame: usize) -> Cow<'_, [Facet]> {
+        let mut facets = Cow::Borrowed(&self.world.facets[..]);
+        if self.spec.mishaps.walker {
+            let place = walk(&self.spec).at(self.path.times_s[frame]);
+            walker::place(facets.to_mut(), place);
+        }
+        facets
     }
 
     /// World point seen at a pixel position of a frame, as [`Self::depth_at`].
@@ -190,10 +222,10 @@ mod tests {
                 for k in 0..2000 {
                     let (column, row) = (k * 7919 % WIDTH, k * 104_729 % HEIGHT);
                     let direction = pose * ray(column as f64 + 0.37, row as f64 - 0.44);
-                    let fast = scene
-                        .world
-                        .cast_among(index.at(column, row), &eye, &direction);
-                    assert_eq!(fast, scene.world.cast(&eye, &direction));
+                    let facets = &scene.world.facets;
+                    let candidates = index.at(column, row).iter().map(|&k| k as usize);
+                    let fast = nearest(facets, candidates, &eye, &direction);
+                    assert_eq!(fast, nearest(facets, 0..facets.len(), &eye, &direction));
                 }
             }
         }

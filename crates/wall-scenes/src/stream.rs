@@ -17,6 +17,7 @@ pub(crate) enum Purpose {
     Sensor = 7,
     Slip = 8,
     Sway = 9,
+    Poster = 10,
 }
 
 /// The stream of one (seed, purpose, index).

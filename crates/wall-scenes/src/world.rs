@@ -1,6 +1,6 @@
 //! The geometry of a scene and the paint on it.
 
-use crate::facet::{Facet, Hit, nearest};
+use crate::facet::Facet;
 use crate::skin::paint::Paint;
 use nalgebra::{Point3, Vector3};
 
@@ -30,21 +30,5 @@ impl World {
             high: [a[first].max(b[first]), a[second].max(b[second])],
         });
         self.paints.push(paint);
-    }
-
-    /// Nearest facet along a ray; `None` when the ray leaves the scene. O(facets).
-    pub(crate) fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<Hit> {
-        nearest(&self.facets, 0..self.facets.len(), origin, direction)
-    }
-
-    /// Nearest facet along a ray among candidates, which must be in ascending order.
-    pub(crate) fn cast_among(
-        &self,
-        candidates: &[u32],
-        origin: &Point3<f64>,
-        direction: &Vector3<f64>,
-    ) -> Option<Hit> {
-        let candidates = candidates.iter().map(|&k| k as usize);
-        nearest(&self.facets, candidates, origin, direction)
     }
 }

@@ -4,7 +4,7 @@
 
 use super::canvas::Canvas;
 use super::object::{carton, instrument, leaf, spine};
-use super::sheet::sheet;
+use super::sheet::{poster, sheet};
 use super::surface::{wood, worn};
 use rand_chacha::ChaCha8Rng;
 
@@ -25,6 +25,8 @@ pub(crate) enum Skin {
     Leaf { tone: f64 },
     /// A sheet of paper or a picture.
     Sheet,
+    /// Six sheets, two by three.
+    Poster,
 }
 
 impl Skin {
@@ -39,6 +41,7 @@ impl Skin {
             Self::Instrument => instrument(&mut canvas, rng),
             Self::Leaf { tone } => leaf(&mut canvas, rng, tone),
             Self::Sheet => sheet(&mut canvas, rng),
+            Self::Poster => poster(&mut canvas, rng),
         }
         canvas
     }
@@ -59,6 +62,7 @@ mod tests {
             Skin::Instrument,
             Skin::Leaf { tone: 0.6 },
             Skin::Sheet,
+            Skin::Poster,
         ];
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for skin in skins {

@@ -16,6 +16,8 @@ use rayon::prelude::*;
 pub(crate) enum Paint {
     /// One skin under a constant share of the light.
     Skin { skin: Skin, light: f64 },
+    /// A skin of which every place has the same copy.
+    Twin(Skin),
     /// A whole wall.
     Wall(WallPlan),
 }
@@ -34,7 +36,7 @@ impl Skins {
     }
 }
 
-/// Paints every facet. Parallel over facets; facet k uses stream k only, so
+/// Paints every facet. Parallel over facets; facet k uses stream k only (twins share one), so
 /// the number of threads changes nothing.
 pub(crate) fn paint_facets(facets: &[Facet], paints: &[Paint], seed: u64) -> Skins {
     let light = Noise::new(&mut stream(seed, Purpose::Light, 0));
@@ -43,10 +45,14 @@ pub(crate) fn paint_facets(facets: &[Facet], paints: &[Paint], seed: u64) -> Ski
         .zip(paints)
         .enumerate()
         .map(|(index, (facet, paint))| {
-            let mut rng = stream(seed, Purpose::Skin, index as u64);
+            let mut rng = match paint {
+                Paint::Twin(_) => stream(seed, Purpose::Poster, 0),
+                Paint::Skin { .. } | Paint::Wall(_) => stream(seed, Purpose::Skin, index as u64),
+            };
             let (width, height) = facet.size();
             let (mut canvas, share) = match paint {
                 Paint::Skin { skin, light } => (skin.canvas(width, height, &mut rng), *light),
+                Paint::Twin(skin) => (skin.canvas(width, height, &mut rng), 1.0),
                 Paint::Wall(plan) => (plan.canvas(width, height, &mut rng), 1.0),
             };
             canvas.shade(|x, y| {

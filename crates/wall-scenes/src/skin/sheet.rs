@@ -15,6 +15,17 @@ pub(super) fn sheet_canvas(width_m: f64, height_m: f64, rng: &mut ChaCha8Rng) ->
     canvas
 }
 
+/// Six sheets on one board, two by three.
+pub(super) fn poster(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
+    canvas.rect(canvas.bounds(), 0.9);
+    let (width, height) = (canvas.width_m / 2.0, canvas.height_m / 3.0);
+    for cell in 0..6_u8 {
+        let part = sheet_canvas(0.94 * width, 0.94 * height, rng);
+        let (column, row) = (f64::from(cell % 2), f64::from(cell / 2));
+        canvas.paste(&part, (column + 0.03) * width, (row + 0.03) * height, 0.0);
+    }
+}
+
 /// Paints one of the kinds of sheet, drawn at random.
 pub(super) fn sheet(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
     let (w, h) = (canvas.width_m, canvas.height_m);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::odometry::{OdometryNoise, report};
+use crate::stops::Stop;
 use rand::SeedableRng;
 
 const WALL: Course = Course::Straight {
@@ -21,6 +22,9 @@ fn plan(course: Course, frames: usize, carrier: Carrier) -> Drive {
         frames,
         rate: FrameRate::ONE,
         carrier,
+        stops: Stops::default(),
+        kidnap: None,
+        shutter_s: 0.0,
     }
 }
 
@@ -34,6 +38,7 @@ fn drive(plan: &Drive) -> TruePath {
             sway: stream(5),
         },
     )
+    .unwrap()
 }
 
 /// Integrates odometry rows from `start` and returns the pose at each of `times_s`.
@@ -281,4 +286,173 @@ fn room_loop_comes_back_to_its_start() {
         .map(|p| p.x.hypot(p.y))
         .fold(f64::INFINITY, f64::min);
     assert!(nearest_start < 0.25, "{nearest_start}");
+}
+
+#[test]
+fn at_a_stop_the_drive_waits_and_goes_on_as_if_nothing_had_been() {
+    let carrier = Carrier {
+        roll_rad: 0.01,
+        slope_rad: 0.05,
+        curve_slip_s: 0.1,
+        ..Carrier::IDEAL
+    };
+    let stops = Stops {
+        pause: Some(Stop {
+            every: 20,
+            frames: 7,
+        }),
+        spin: Some(Stop {
+            every: 50,
+            frames: 12,
+        }),
+    };
+    let through = drive(&plan(ROOM, 186, carrier));
+    let frames = 186 + stops.added(185);
+    let stopping = drive(&Drive {
+        stops,
+        ..plan(ROOM, frames, carrier)
+    });
+    assert_eq!(stopping.poses.len(), frames);
+    // Frame by frame: the drive without stops, with the frames of the stops left out.
+    let doings = stops.plan(frames - 1);
+    let mut driven = 0;
+    let mut turned = 0.0;
+    for (frame, doing) in doings.iter().enumerate() {
+        let [here, next] = [frame, frame + 1].map(|f| stopping.poses[f]);
+        match doing {
+            Doing::Drive => {
+                // The rows before the last stop add up in another order.
+                assert!((here.x - through.poses[driven].x).abs() < 1e-9, "{frame}");
+                assert!((here.y - through.poses[driven].y).abs() < 1e-9, "{frame}");
+                assert!(wrap(here.phi - through.poses[driven].phi).abs() < 1e-9);
+                let (a, b) = (stopping.attitudes[frame], through.attitudes[driven]);
+                assert!(
+                    (a.roll_rad - b.roll_rad).abs() < 1e-9
+                        && (a.height_m - b.height_m).abs() < 1e-9
+                );
+                driven += 1;
+            }
+            Doing::Stand => {
+                assert_eq!(here, next);
+                let [a, b] = [frame, frame + 1].map(|f| stopping.attitudes[f]);
+                assert!((a.roll_rad - b.roll_rad).abs() < 1e-9);
+                let row = stopping.controls[frame * ROWS_PER_FRAME];
+                assert_eq!((row.v_mps, row.omega_radps), (0.0, 0.0));
+            }
+            Doing::Spin(_) => {
+                assert!((here.x, here.y) == (next.x, next.y));
+                turned += wrap(next.phi - here.phi);
+            }
+        }
+    }
+    assert_eq!(driven, 185);
+    assert!((turned - 3.0 * TAU).abs() < 1e-9, "{turned}");
+}
+
+#[test]
+fn wheels_at_rest_report_rest_and_leave_the_noise_of_other_rows_alone() {
+    let stops = Stops {
+        pause: Some(Stop {
+            every: 3,
+            frames: 4,
+        }),
+        spin: None,
+    };
+    let path = drive(&Drive {
+        stops,
+        ..plan(WALL, 12, Carrier::IDEAL)
+    });
+    let rows = report(
+        &path.controls,
+        &OdometryNoise::PAPER,
+        &Carrier::IDEAL,
+        &mut ChaCha8Rng::seed_from_u64(4),
+    );
+    for (row, control) in rows.iter().zip(&path.controls) {
+        let rests = control.v_mps == 0.0;
+        assert_eq!(rests, row.v_mps == 0.0 && row.omega_radps == 0.0);
+    }
+    assert!(rows.iter().filter(|row| row.v_mps == 0.0).count() > 20);
+}
+
+#[test]
+fn a_kidnapped_robot_goes_on_along_its_course_and_its_wheels_do_not_know() {
+    for (course, metres) in [(WALL, 3.0), (ROOM, 1.4)] {
+        let kidnap = Kidnap { frame: 30, metres };
+        let plan = Drive {
+            kidnap: Some(kidnap),
+            ..plan(course, 60, Carrier::IDEAL)
+        };
+        let path = drive(&plan);
+        let step = |k: usize| {
+            let [a, b] = [k - 1, k].map(|k| path.poses[k]);
+            (a.x - b.x).hypot(a.y - b.y)
+        };
+        // The last step before, and that of the frame itself, are those of the wheels.
+        let usual = step(29);
+        assert!((step(30) - metres).abs() < 2.0 * usual, "{}", step(30));
+        assert!(step(31) < 1.3 * usual && step(31) > 0.7 * usual);
+        // The wheels report a drive that ends somewhere else.
+        let reckoned = dead_reckoning(Se2::identity(), &noiseless(&path), &path.times_s);
+        assert_same(&reckoned[29], &path.poses[29]);
+        let away = (reckoned[30].x - path.poses[30].x).hypot(reckoned[30].y - path.poses[30].y);
+        assert!((away / metres - 1.0).abs() < 0.1, "{away}");
+    }
+    let far = Drive {
+        kidnap: Some(Kidnap {
+            frame: 30,
+            metres: 3.0,
+        }),
+        ..plan(ROOM, 60, Carrier::IDEAL)
+    };
+    let stream = |seed| ChaCha8Rng::seed_from_u64(seed);
+    let refused = TruePath::drive(
+        &far,
+        &mut DriveStreams {
+            steering: stream(3),
+            slip: stream(4),
+            sway: stream(5),
+        },
+    );
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.starts_with("distance of the kidnapping 3, required: 0 to "),
+        "{message}"
+    );
+}
+
+#[test]
+fn an_exposure_is_about_the_time_of_its_image_and_never_across_a_kidnapping() {
+    let plan = Drive {
+        shutter_s: 0.2,
+        kidnap: Some(Kidnap {
+            frame: 8,
+            metres: 1.0,
+        }),
+        ..plan(WALL, 16, Carrier::IDEAL)
+    };
+    let path = drive(&plan);
+    for frame in 1..15 {
+        let exposure = &path.exposures[frame];
+        assert!(exposure.len() > 8);
+        let mean = exposure.iter().map(|(pose, _)| pose.x).sum::<f64>() / exposure.len() as f64;
+        let spread = exposure[exposure.len() - 1].0.x - exposure[0].0.x;
+        // A fifth of a second at 0.2 m/s, and half of that beside the jump.
+        if frame == 8 {
+            assert!((0.01..0.03).contains(&spread), "{spread}");
+            assert!((mean - path.poses[frame].x - 0.01).abs() < 0.002);
+        } else {
+            assert!((0.02..0.05).contains(&spread), "{frame}: {spread}");
+            assert!((mean - path.poses[frame].x).abs() < 0.001);
+        }
+    }
+    assert!(
+        drive(&Drive {
+            shutter_s: 0.0,
+            ..plan
+        })
+        .exposures
+        .iter()
+        .all(Vec::is_empty)
+    );
 }

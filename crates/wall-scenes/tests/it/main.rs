@@ -6,4 +6,5 @@
 )]
 
 mod board;
+mod happenings;
 mod scene;

@@ -223,7 +223,7 @@ fn impossible_scenes_are_refused_with_the_number_given() {
             ..SceneSpec::wall(0)
         },
         SceneSpec {
-            laps: 21,
+            laps: 101,
             ..SceneSpec::room(0)
         },
     ] {
