@@ -56,7 +56,7 @@ impl FrameSpan {
 }
 
 impl Mishaps {
-    /// What happens, a sentence each.
+    /// The mishaps, a sentence each.
     pub(crate) fn told(&self) -> Vec<String> {
         let mut told = Vec::new();
         if let Some(Kidnap { frame, metres }) = self.kidnap {

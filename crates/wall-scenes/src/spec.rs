@@ -141,7 +141,7 @@ impl SceneSpec {
         }
     }
 
-    /// What is out of the ordinary in the drive, a sentence each.
+    /// Everything out of the ordinary in the drive, a sentence each.
     pub(crate) fn told(&self) -> Vec<String> {
         let mut told = Vec::new();
         if let Some(Stop { every, frames }) = self.stops.pause {

@@ -47,7 +47,7 @@ impl Stops {
         of(self.pause).saturating_add(of(self.spin))
     }
 
-    /// What the robot does in each of `frames` frames.
+    /// The doing of the robot in each of `frames` frames.
     pub(crate) fn plan(&self, frames: usize) -> Vec<Doing> {
         let mut doings = Vec::with_capacity(frames);
         let mut driven = 0_usize;
