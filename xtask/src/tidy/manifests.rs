@@ -23,6 +23,7 @@ const FLOORS: [&[&str]; 9] = [
         "rbpf-core",
         "camera-calibration",
         "motion-consistency",
+        "place-recognition",
         "wall-scenes",
     ],
     &["range-bearing-slam", "slam-pipeline"],
