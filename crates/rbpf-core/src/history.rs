@@ -5,7 +5,7 @@
 //! chunk of 16 entries and the nodes above it, and the common past is stored once
 //! however many particles carry it.
 
-use crate::landmark_map::CowMap;
+use crate::landmark_map::{CowMap, MappedNodes};
 use std::fmt;
 
 /// An append-only sequence that shares its past with its clones; `clone` is O(1).
@@ -44,6 +44,14 @@ impl<T> PersistentPath<T> {
     #[must_use]
     pub fn last(&self) -> Option<&T> {
         self.get(self.len().checked_sub(1)?)
+    }
+
+    /// The path with every entry replaced by `entry(index, old)`; see [`CowMap::mapped`].
+    #[must_use]
+    pub fn mapped(&self, shared: &mut MappedNodes<T>, entry: impl FnMut(u32, &T) -> T) -> Self {
+        Self {
+            entries: self.entries.mapped(shared, entry),
+        }
     }
 
     /// The entries from the first to the latest. O(n) in all.
@@ -129,6 +137,32 @@ mod tests {
         // entries 0..96 fill six chunks; the seventh is each path's own
         let shared = right.entries.shared_leaves_with(&left.entries);
         assert_eq!((shared.shared, shared.total), (6, 7));
+    }
+
+    #[test]
+    fn paths_mapped_together_share_what_they_shared() {
+        let mut left: PersistentPath<u32> = (0..300).collect();
+        let mut right = left.clone();
+        left.push(7);
+        right.push(8);
+        let mut shared = MappedNodes::new();
+        let mut calls = 0;
+        let mut double = |index: u32, value: &u32| {
+            calls += 1;
+            value * 2 + index % 2
+        };
+        let a = left.mapped(&mut shared, &mut double);
+        let b = right.mapped(&mut shared, &mut double);
+        assert!(
+            a.iter()
+                .copied()
+                .eq(left.iter().enumerate().map(|(i, v)| v * 2 + i as u32 % 2))
+        );
+        assert_eq!(b.last(), Some(&16));
+        // 300 entries in 19 chunks of 16, the last of them each path's own with 12 + 1 entries
+        let count = a.entries.shared_leaves_with(&b.entries);
+        assert_eq!((count.shared, count.total), (18, 19));
+        assert_eq!(calls, 18 * 16 + 2 * 13);
     }
 
     proptest! {

@@ -16,6 +16,7 @@
 //! For sparse ids such as hashes use an ordered or hashed map, and where a single owner writes
 //! everything use a `Vec`.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -114,6 +115,20 @@ impl<T> CowMap<T> {
         self.iter().map(|(id, _)| id)
     }
 
+    /// The map with every value replaced by `value(id, old)`. Nodes that other maps share are made once for all maps that
+    /// are given the same `shared`. O(values not made before).
+    #[must_use]
+    pub fn mapped(&self, shared: &mut MappedNodes<T>, mut value: impl FnMut(u32, &T) -> T) -> Self {
+        Self {
+            root: self
+                .root
+                .as_ref()
+                .map(|root| shared.node(root, 0, &mut value)),
+            height: self.height,
+            len: self.len,
+        }
+    }
+
     /// Counts the leaves (16 ids each) that both maps hold at the same address, for tests and memory
     /// reports. O(leaves).
     #[must_use]
@@ -195,6 +210,65 @@ impl<T: Clone> CowMap<T> {
             self.height = 0;
         }
         removed
+    }
+}
+
+/// The nodes that [`CowMap::mapped`] has made, by those they were made from.
+///
+/// Maps that share nodes and are mapped with one of these share the new nodes, too.
+pub struct MappedNodes<T> {
+    nodes: BTreeMap<*const Node<T>, Made<T>>,
+}
+
+/// The node it was made from, which is held so that its address stays its own, and the new one.
+type Made<T> = (Arc<Node<T>>, Arc<Node<T>>);
+
+impl<T> MappedNodes<T> {
+    /// Nothing made yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            nodes: BTreeMap::new(),
+        }
+    }
+
+    fn node(
+        &mut self,
+        node: &Arc<Node<T>>,
+        prefix: u32,
+        value: &mut impl FnMut(u32, &T) -> T,
+    ) -> Arc<Node<T>> {
+        if let Some((_, made)) = self.nodes.get(&Arc::as_ptr(node)) {
+            return made.clone();
+        }
+        let id = |index: usize| (prefix << BITS) | index as u32;
+        let made = Arc::new(match &**node {
+            Node::Leaf(slots) => Node::Leaf(std::array::from_fn(|i| {
+                slots[i].as_ref().map(|old| value(id(i), old))
+            })),
+            Node::Branch(children) => Node::Branch(std::array::from_fn(|i| {
+                children[i]
+                    .as_ref()
+                    .map(|child| self.node(child, id(i), value))
+            })),
+        });
+        self.nodes
+            .insert(Arc::as_ptr(node), (node.clone(), made.clone()));
+        made
+    }
+}
+
+impl<T> Default for MappedNodes<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T> fmt::Debug for MappedNodes<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MappedNodes")
+            .field("nodes", &self.nodes.len())
+            .finish()
     }
 }
 

@@ -89,7 +89,7 @@ pub use filter::{
 };
 pub use history::PersistentPath;
 pub use kld::KldSampling;
-pub use landmark_map::{CowMap, SharedLeaves};
+pub use landmark_map::{CowMap, MappedNodes, SharedLeaves};
 pub use parallel::map_particles;
 pub use particle_set::ParticleSet;
 pub use resampling::Resampler;

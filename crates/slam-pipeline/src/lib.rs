@@ -29,6 +29,7 @@ pub mod config;
 mod features;
 mod filter;
 mod frontend;
+mod known_map;
 mod method;
 mod odometry;
 mod rig;
@@ -36,11 +37,12 @@ mod slam;
 
 pub use ablation::Ablation;
 pub use features::detector_of;
+pub use known_map::{KnownErrors, KnownKeyframe, KnownLandmark, KnownMap, MapUse};
 pub use odometry::{Control, Odometer, OdometryInterval};
 pub use rig::Rig;
 pub use slam::{
-    FrameInput, FrameReport, KeypointFate, KeypointReport, KnownKeyframe, KnownLandmark, KnownMap,
-    MapLandmark, MapUse, PoseEstimate, Slam, SlamError, Stage, StageObserver, Tracking,
+    FrameInput, FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Slam,
+    SlamError, Stage, StageObserver, Tracking,
 };
 
 /// Compiles and runs the code of the README.

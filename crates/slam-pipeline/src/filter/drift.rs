@@ -14,7 +14,7 @@
 //! closed loop ties the present to its old anchors. Calibration errors and
 //! landmarks that share later keyframes are not in it.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -22,11 +22,14 @@ use super::linearised::{PoseLinearisation, PosePosterior};
 use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
 use super::pose::{PLANAR, PoseMatrix};
+use crate::known_map::KnownErrors;
 use crate::rig::Rig;
 
-/// Number of keyframes whose joint covariance is kept. An older anchor counts as the oldest of them. The memory is
-/// 36 bytes times its square.
-const WINDOW: usize = 256;
+/// Number of keyframes whose joint covariance is kept. Another anchor counts as the kept one that is nearest to it. The
+/// memory is 36 bytes times its square.
+pub(super) const WINDOW: usize = 256;
+/// Number of keyframes whose joint covariance a map keeps.
+const SAVED: usize = 128;
 
 /// The information behind a keyframe's pose, by the keyframes that its landmarks are anchored in.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,7 +100,7 @@ fn planar(m: &PoseMatrix) -> Matrix3<f64> {
 }
 
 /// The map from a rigid error at `from` to the error that it causes at `to`.
-fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
+pub(crate) fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
     let d = to - from;
     Matrix3::new(1.0, 0.0, -d.y, 0.0, 1.0, d.x, 0.0, 0.0, 1.0)
 }
@@ -124,21 +127,54 @@ pub(crate) fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64>
     (covered + covered.transpose()) * 0.5
 }
 
-/// Joint covariance of the errors of the last keyframes.
+/// Joint covariance of the errors of some keyframes: the latest ones, and thinned out more and more, the older ones.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Drift {
-    oldest: u32,
-    positions: VecDeque<Vector2<f64>>,
+    /// Index of the next keyframe.
+    next: u32,
+    /// The keyframes that are kept, ascending.
+    kept: Vec<u32>,
+    /// Their positions, metres.
+    positions: Vec<Vector2<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
-    rows: VecDeque<VecDeque<Matrix3<f64>>>,
+    rows: Vec<Vec<Matrix3<f64>>>,
 }
 
 impl Drift {
+    /// The errors of the keyframes of a known map; `positions` (metres) are those of all its keyframes, and the indices of
+    /// `errors` are among them.
+    #[must_use]
+    pub(crate) fn of_map(positions: &[Vector2<f64>], errors: &KnownErrors) -> Self {
+        let mut drift = Self {
+            next: positions.len() as u32,
+            kept: errors.keyframes.clone(),
+            positions: errors
+                .keyframes
+                .iter()
+                .map(|k| positions[*k as usize])
+                .collect(),
+            rows: errors.rows.clone(),
+        };
+        drift.thin_to(WINDOW);
+        drift
+    }
+
+    /// The errors as a map keeps them: those of at most [`SAVED`] keyframes.
+    #[must_use]
+    pub(crate) fn errors(&self) -> KnownErrors {
+        let mut thinned = self.clone();
+        thinned.thin_to(SAVED);
+        KnownErrors {
+            keyframes: thinned.kept,
+            rows: thinned.rows,
+        }
+    }
+
     /// Adds the next keyframe at `position` (metres) and returns cov(e_t, e_t).
     ///
     /// `support` is `None` at the first keyframe, which has no error by
     /// definition, and after a frame whose support could not be computed; then
-    /// `odometry` alone carries the error on. Time O(window x anchors).
+    /// `odometry` alone carries the error on. Time O(window x anchors + window^2).
     pub(crate) fn push(
         &mut self,
         position: Vector2<f64>,
@@ -153,7 +189,7 @@ impl Drift {
             if let Some(support) = support {
                 fresh = support.covariance * 2.0;
                 for (anchor, gain) in &support.gains {
-                    let slot = (anchor.saturating_sub(self.oldest) as usize).min(count - 1);
+                    let slot = self.slot(*anchor);
                     gains.push((slot, gain * transport(&self.positions[slot], &position)));
                     rest -= gain;
                 }
@@ -165,7 +201,7 @@ impl Drift {
                 rest * transport(&self.positions[count - 1], &position),
             ));
         }
-        let mut row: VecDeque<Matrix3<f64>> = (0..count)
+        let mut row: Vec<Matrix3<f64>> = (0..count)
             .map(|b| {
                 gains
                     .iter()
@@ -179,21 +215,94 @@ impl Drift {
             .sum::<Matrix3<f64>>()
             + fresh;
         let own = (own + own.transpose()) * 0.5;
-        row.push_back(own);
-        self.rows.push_back(row);
-        self.positions.push_back(position);
-        if self.positions.len() > WINDOW {
-            self.positions.pop_front();
-            self.rows.pop_front();
-            for r in &mut self.rows {
-                r.pop_front();
-            }
-            self.oldest += 1;
-        }
+        row.push(own);
+        self.rows.push(row);
+        self.positions.push(position);
+        self.kept.push(self.next);
+        self.next += 1;
+        self.thin_to(WINDOW);
         own
     }
 
-    fn block(&self, a: usize, b: usize) -> Matrix3<f64> {
+    /// The covariance of the error that keyframe `keyframe` at `position` has.
+    #[must_use]
+    pub(crate) fn covariance_of(&self, keyframe: u32, position: &Vector2<f64>) -> Matrix3<f64> {
+        if self.kept.is_empty() {
+            return Matrix3::zeros();
+        }
+        let slot = self.slot(keyframe);
+        let t = transport(&self.positions[slot], position);
+        t * self.block(slot, slot) * t.transpose()
+    }
+
+    /// Forgets the closest neighbours of the older half until `limit` are left; never the first.
+    fn thin_to(&mut self, limit: usize) {
+        while self.kept.len() > limit {
+            let gap = |i: usize| self.kept[i + 1] - self.kept[i - 1];
+            let Some(slot) = (1..limit / 2).min_by_key(|&i| gap(i)) else {
+                return;
+            };
+            self.kept.remove(slot);
+            self.positions.remove(slot);
+            self.rows.remove(slot);
+            for row in &mut self.rows[slot..] {
+                row.remove(slot);
+            }
+        }
+    }
+
+    /// The place of the kept keyframe nearest to `keyframe`, by index.
+    pub(super) fn slot(&self, keyframe: u32) -> usize {
+        let after = self.kept.partition_point(|&k| k < keyframe);
+        let last = self.kept.len() - 1;
+        match after {
+            0 => 0,
+            after if after > last => last,
+            after if keyframe - self.kept[after - 1] <= self.kept[after] - keyframe => after - 1,
+            after => after,
+        }
+    }
+
+    /// The kept keyframes, ascending.
+    pub(super) fn kept(&self) -> &[u32] {
+        &self.kept
+    }
+
+    /// Positions of the kept keyframes, metres.
+    pub(super) fn positions(&self) -> &[Vector2<f64>] {
+        &self.positions
+    }
+
+    /// Length of the path of kept keyframes from `keyframe` to the last one and on to `here`, metres.
+    #[must_use]
+    pub(crate) fn length_since(&self, keyframe: u32, here: &Vector2<f64>) -> f64 {
+        if self.kept.is_empty() {
+            return 0.0;
+        }
+        let from = &self.positions[self.slot(keyframe)..];
+        let on = from.iter().skip(1).chain([here]);
+        from.iter().zip(on).map(|(a, b)| (b - a).norm()).sum()
+    }
+
+    /// Takes `by(i, j)`, a positive semi-definite matrix by blocks that is nowhere larger, from the joint covariance.
+    pub(super) fn lower(&mut self, by: impl Fn(usize, usize) -> Matrix3<f64>) {
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            for (j, block) in row.iter_mut().enumerate() {
+                *block -= by(i, j);
+            }
+            row[i] = (row[i] + row[i].transpose()) * 0.5;
+        }
+    }
+
+    /// Moves the kept keyframes.
+    pub(crate) fn move_positions(&mut self, to: impl Fn(u32, &Vector2<f64>) -> Vector2<f64>) {
+        for (keyframe, position) in self.kept.iter().zip(&mut self.positions) {
+            *position = to(*keyframe, position);
+        }
+    }
+
+    /// cov(e_a, e_b) of two kept keyframes by their places.
+    pub(super) fn block(&self, a: usize, b: usize) -> Matrix3<f64> {
         if a >= b {
             self.rows[a][b]
         } else {

@@ -32,6 +32,8 @@ pub(crate) struct Mapping<'a> {
     pub(crate) points: SigmaPoints<3>,
     /// When a feature becomes a landmark.
     pub(crate) start: LandmarkStart,
+    /// Whether the map stays as it is.
+    pub(crate) frozen: bool,
 }
 
 impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
@@ -71,9 +73,10 @@ impl Mapping<'_> {
         particle.path.push(Keyframe {
             pose: particle.pose,
             camera,
-            body: particle.metric.body(particle.pose.phi),
-            scale: particle.metric.scale(),
         });
+        if self.frozen {
+            return;
+        }
         // Landmarks come in order of their ids, so those of one anchor follow one another.
         let mut last: Option<(Option<u32>, LandmarkView)> = None;
         for m in &observation.matches {

@@ -131,6 +131,39 @@ impl MetricState {
         }
     }
 
+    /// The state with the body at another mean position; what is known relative to it stays.
+    pub(crate) fn move_to(&mut self, body: &Se2) {
+        self.mean[Self::X] = body.x;
+        self.mean[Self::Y] = body.y;
+    }
+
+    /// The state with the body at `body` by landmarks, whose positions in the unit are known: what is open of its position in
+    /// metres is the scale alone, p = s c.
+    pub(crate) fn place_by_landmarks(&mut self, body: &Se2) {
+        self.move_to(body);
+        let mut by_scale = SMatrix::<f64, AXES, AXES>::identity();
+        for (axis, position) in [(Self::X, body.x), (Self::Y, body.y)] {
+            by_scale[(axis, axis)] = 0.0;
+            by_scale[(axis, Self::SCALE)] = position / self.scale();
+        }
+        self.covariance = by_scale * self.covariance * by_scale.transpose();
+    }
+
+    /// The state of a body whose unit is the metre of a known map, up to `sigma`.
+    pub(crate) fn with_scale_of_map(mut self, sigma: f64) -> Self {
+        self.mean[Self::SCALE] = 1.0;
+        self.covariance.row_mut(Self::SCALE).fill(0.0);
+        self.covariance.column_mut(Self::SCALE).fill(0.0);
+        self.covariance[(Self::SCALE, Self::SCALE)] = sigma * sigma;
+        self
+    }
+
+    /// Relative variance of the scale.
+    #[must_use]
+    pub(crate) fn relative_scale_variance(&self) -> f64 {
+        self.covariance[(Self::SCALE, Self::SCALE)] / (self.scale() * self.scale())
+    }
+
     /// The metric body pose with heading `phi`.
     #[must_use]
     pub(crate) fn body(&self, phi: f64) -> Se2 {

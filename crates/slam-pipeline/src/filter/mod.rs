@@ -4,7 +4,8 @@
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
 //! [`proposal`], [`evolution`], [`landmark_moments`], [`landmark_update`], [`mapping`], [`segment`], [`window_landmarks`],
-//! [`window_equations`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`].
+//! [`window_equations`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`], [`revisit`],
+//! [`path_correction`].
 
 pub(crate) mod adaptation;
 pub(crate) mod drift;
@@ -21,9 +22,11 @@ pub(crate) mod metric;
 pub(crate) mod motion;
 pub(crate) mod observation;
 pub(crate) mod particle;
+pub(crate) mod path_correction;
 pub(crate) mod pose;
 pub(crate) mod proposal;
 pub(crate) mod redraw;
+pub(crate) mod revisit;
 pub(crate) mod segment;
 #[cfg(test)]
 pub(crate) mod tests;

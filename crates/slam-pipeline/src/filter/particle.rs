@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use mono_geometry::{PlacedCamera, Se2};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use rbpf_core::{CowMap, PersistentPath};
 
 use super::landmark::{Landmark, PointEstimate};
@@ -19,10 +19,40 @@ pub(crate) struct Keyframe {
     pub(crate) pose: CameraPose,
     /// The camera in the particle's world and unit.
     pub(crate) camera: PlacedCamera,
-    /// Body pose in metres.
-    pub(crate) body: Se2,
-    /// Metres per unit when the keyframe was made.
-    pub(crate) scale: f64,
+}
+
+/// The world of a particle in metres: its unit world with one scale for all, the present one, so that path and map agree in
+/// every pixel.
+///
+/// The position in the metric state says where the body is now. For the past it would be worth less: a body that was placed
+/// by what was known of the scale at its time agrees with nothing that is seen from elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct MetricWorld {
+    lever_m: Vector2<f64>,
+    /// Where the camera started, which is in metres already.
+    start: Vector3<f64>,
+    /// Metres per unit.
+    scale: f64,
+}
+
+impl MetricWorld {
+    /// A position of the unit world, metres.
+    #[must_use]
+    pub(crate) fn position(&self, in_unit: &Vector3<f64>) -> Vector3<f64> {
+        self.start + (in_unit - self.start) * self.scale
+    }
+
+    /// The body under a camera pose of the unit world, metres.
+    #[must_use]
+    pub(crate) fn body(&self, pose: &CameraPose) -> Se2 {
+        let centre = self.position(&pose.centre);
+        let (sin, cos) = pose.phi.sin_cos();
+        Se2 {
+            x: centre.x - (cos * self.lever_m.x - sin * self.lever_m.y),
+            y: centre.y - (sin * self.lever_m.x + cos * self.lever_m.y),
+            phi: pose.phi,
+        }
+    }
 }
 
 /// The earlier states of a particle, from which its recent path may be driven again.
@@ -76,6 +106,14 @@ impl Particle {
         }
     }
 
+    /// Sets the particle down at `pose` with its body at `body` (metres): how it came there is not known.
+    pub(crate) fn stand_at(&mut self, pose: CameraPose, body: &Se2) {
+        self.pose = pose;
+        self.metric.place_by_landmarks(body);
+        self.prior = None;
+        self.segment = Segment::default();
+    }
+
     /// The particle as it is, without earlier states of its own.
     #[must_use]
     pub(crate) fn snapshot(&self) -> Arc<Self> {
@@ -109,33 +147,33 @@ impl Particle {
         }
     }
 
+    /// The path and map of the particle in metres.
+    #[must_use]
+    pub(crate) fn metric_world(&self, lever_m: Vector2<f64>) -> MetricWorld {
+        MetricWorld {
+            lever_m,
+            start: self
+                .path
+                .get(0)
+                .map_or_else(Vector3::zeros, |k| k.camera.centre),
+            scale: self.metric.scale(),
+        }
+    }
+
     /// World position of a landmark in metres, with its covariance; `None` while its depth is not positive.
-    ///
-    /// `position_in_body` is that of the camera, metres. Lengths are converted at the anchor of the landmark with the
-    /// particle's present scale.
     #[must_use]
     pub(crate) fn metric_point(
         &self,
         landmark: &Landmark,
-        position_in_body: &Vector3<f64>,
+        world: &MetricWorld,
     ) -> Option<PointEstimate> {
         let point = landmark.point(&self.geometry(landmark)?)?;
-        let Some(anchor) = landmark.anchor() else {
+        if landmark.anchor().is_none() {
             return Some(point);
-        };
-        let keyframe = self.path.get(anchor as usize)?;
-        let mount = position_in_body;
-        let (sin, cos) = keyframe.body.phi.sin_cos();
-        let camera_metric = Vector3::new(
-            keyframe.body.x + cos * mount.x - sin * mount.y,
-            keyframe.body.y + sin * mount.x + cos * mount.y,
-            // The path starts at the mount's height, which is in metres already.
-            mount.z + (keyframe.camera.centre.z - mount.z) * keyframe.scale,
-        );
-        let s = self.metric.scale();
+        }
         Some(PointEstimate {
-            position: camera_metric + (point.position - keyframe.camera.centre) * s,
-            covariance: point.covariance * (s * s),
+            position: world.position(&point.position),
+            covariance: point.covariance * (world.scale * world.scale),
         })
     }
 }

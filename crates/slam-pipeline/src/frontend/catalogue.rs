@@ -11,11 +11,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use feature_kdtree::{
     Descriptor, DescriptorIndex as _, IndexError, KdForest, KdForestParams, distance_squared,
 };
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::existence::Existence;
-use crate::filter::landmark::Landmark;
+use crate::filter::landmark::{Landmark, Parametrisation};
 use crate::filter::observation::Sighting;
+use crate::known_map::KnownLandmark;
 use crate::method::DescriptorSearch;
 
 /// Squared descriptor distance at which a landmark takes a new look: half of what separates most true matches from
@@ -57,7 +58,7 @@ pub(crate) struct Entry {
 
 impl Entry {
     /// Whether `descriptor` is far enough from the look to replace it.
-    fn looks_different(&self, descriptor: &Descriptor) -> bool {
+    pub(crate) fn looks_different(&self, descriptor: &Descriptor) -> bool {
         distance_squared(&self.look, descriptor) > NEW_LOOK_DISTANCE_SQUARED
     }
 }
@@ -240,6 +241,35 @@ impl Catalogue {
             self.entries.remove(&id);
         }
         self.forest = forest;
+    }
+
+    /// Enters a landmark of a known map, first seen at `pixel` by its anchor. Ids must ascend.
+    pub(crate) fn insert_known(&mut self, known: &KnownLandmark, pixel: &Vector2<f64>) {
+        let sighting = Sighting {
+            keyframe: known.anchor,
+            pixel: *pixel,
+        };
+        self.entries.insert(
+            known.id,
+            Entry {
+                stage: Stage::Mapped,
+                descriptor: Box::new(known.descriptor),
+                look: Box::new(known.descriptor),
+                prototype: Landmark {
+                    parametrisation: Parametrisation::InverseDepth {
+                        anchor: known.anchor,
+                    },
+                    mean: known.parameters,
+                    covariance: known.covariance,
+                },
+                first: sighting,
+                last: sighting,
+                last_direction: known.last_direction,
+                observations: known.observations,
+                existence: Existence::from_log_odds(known.existence),
+            },
+        );
+        self.next_id = known.id + 1;
     }
 
     /// Tentative features that `update` neither sees nor promotes and whose time is over.

@@ -18,6 +18,20 @@ pub(crate) struct Existence {
 }
 
 impl Existence {
+    /// The belief with these log odds, at most the highest there is.
+    #[must_use]
+    pub(crate) fn from_log_odds(log_odds: f64) -> Self {
+        Self {
+            log_odds: log_odds.min(CEILING),
+        }
+    }
+
+    /// Log odds that the landmark exists.
+    #[must_use]
+    pub(crate) fn log_odds(self) -> f64 {
+        self.log_odds
+    }
+
     /// The belief after the landmark was found.
     #[must_use]
     pub(crate) fn seen(self) -> Self {

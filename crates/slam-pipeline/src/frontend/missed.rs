@@ -6,35 +6,72 @@
 use std::collections::BTreeSet;
 
 use super::association::Association;
-use super::catalogue::Stage;
+use super::catalogue::{Entry, Stage};
+use super::prediction::Predicted;
 
 /// Below this share of the landmarks in view found, a frame counts as blind.
 const BLIND_SHARE: f64 = 0.2;
 /// Beyond this change of direction SIFT is not expected to find a landmark again, degrees.
 const COMPARABLE_DEGREES: f64 = 20.0;
 
-/// Landmarks of the map that were in view under a comparable direction and not found, in order of id.
+/// Landmarks of the map that a frame should show, because they are in view under a direction like that of their last
+/// sighting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Expected {
+    /// Number of them.
+    pub(crate) landmarks: usize,
+    /// Number of those that are among the accepted matches.
+    pub(crate) found: usize,
+}
+
+/// Counts the landmarks that `association` should show.
 #[must_use]
-pub(crate) fn missed_landmarks(association: &Association<'_>) -> Vec<u32> {
+pub(crate) fn expected(association: &Association<'_>) -> Expected {
+    let found: BTreeSet<u32> = association.inliers.iter().map(|p| p.feature.id).collect();
+    let mut expected = Expected {
+        landmarks: 0,
+        found: 0,
+    };
+    for (id, predicted) in association.in_view.landmarks() {
+        if predicted.entry.stage == Stage::Mapped && is_comparable(predicted) {
+            expected.landmarks += 1;
+            expected.found += usize::from(found.contains(id));
+        }
+    }
+    expected
+}
+
+/// Landmarks of the map that were in view under a comparable direction and not found, in order of id. Those for which `apart`
+/// holds are judged by themselves: where next to none of them is found, none is missed.
+#[must_use]
+pub(crate) fn missed_landmarks(
+    association: &Association<'_>,
+    apart: impl Fn(&Entry) -> bool,
+) -> Vec<u32> {
     let found: BTreeSet<u32> = association
         .inliers
         .iter()
         .chain(&association.outliers)
         .map(|p| p.feature.id)
         .collect();
-    let mapped = || {
+    let group = |of: bool| {
         let in_view = association.in_view.landmarks().iter();
-        in_view.filter(|(_, predicted)| predicted.entry.stage == Stage::Mapped)
+        let mapped: Vec<_> = in_view
+            .filter(|(_, p)| p.entry.stage == Stage::Mapped && apart(p.entry) == of)
+            .collect();
+        let seen = mapped.iter().filter(|(id, _)| found.contains(id)).count();
+        let blind = (seen as f64) < BLIND_SHARE * mapped.len() as f64;
+        mapped.into_iter().filter(move |_| !blind)
     };
-    if (found.len() as f64) < BLIND_SHARE * mapped().count() as f64 {
-        return Vec::new();
-    }
-    let comparable = COMPARABLE_DEGREES.to_radians().cos();
-    mapped()
-        .filter(|(id, predicted)| {
-            !found.contains(id)
-                && predicted.entry.last_direction.dot(&predicted.direction) > comparable
-        })
+    let mut missed: Vec<u32> = group(false)
+        .chain(group(true))
+        .filter(|(id, predicted)| !found.contains(id) && is_comparable(predicted))
         .map(|(id, _)| *id)
-        .collect()
+        .collect();
+    missed.sort_unstable();
+    missed
+}
+
+fn is_comparable(predicted: &Predicted<'_>) -> bool {
+    predicted.entry.last_direction.dot(&predicted.direction) > COMPARABLE_DEGREES.to_radians().cos()
 }

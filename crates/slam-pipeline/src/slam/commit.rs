@@ -6,6 +6,7 @@ use rbpf_core::unique_ancestors;
 use super::keyframe::PlannedKeyframe;
 use super::plan::{Plan, PlannedStep};
 use super::{FrameAnchor, FrameReport, PoseEstimate, Slam};
+use crate::frontend::catalogue::{CatalogueUpdate, Stage};
 
 impl Slam {
     pub(super) fn commit(&mut self, plan: Plan) -> FrameReport {
@@ -17,6 +18,18 @@ impl Slam {
                 estimate,
             } => {
                 report.estimate = estimate;
+                self.state.path.push(FrameAnchor {
+                    keyframe: self.state.keyframe - 1,
+                    keyframe_from_body,
+                });
+            }
+            PlannedStep::Lost {
+                keyframe_from_body,
+                estimate,
+                lost,
+            } => {
+                report.estimate = estimate;
+                self.state.lost = Some(lost);
                 self.state.path.push(FrameAnchor {
                     keyframe: self.state.keyframe - 1,
                     keyframe_from_body,
@@ -35,7 +48,14 @@ impl Slam {
     fn commit_keyframe(&mut self, keyframe: PlannedKeyframe, matches: usize) -> PoseEstimate {
         let state = &mut self.state;
         state.filter = keyframe.filter;
+        state.last = keyframe.last;
+        state.lost = keyframe.lost;
+        if let Some(drift) = keyframe.drift {
+            state.drift = drift;
+        }
         let started = keyframe.catalogue.new.len();
+        self.remember_places(&keyframe.catalogue);
+        let state = &mut self.state;
         state.catalogue.apply(keyframe.catalogue, keyframe.forest);
         let estimate = self.estimate(keyframe.support.as_ref(), &keyframe.control);
         let state = &mut self.state;
@@ -51,5 +71,27 @@ impl Slam {
         state.window = keyframe.window;
         state.odometer.reset();
         estimate
+    }
+
+    /// The looks of landmarks that enter the map, change or leave it.
+    fn remember_places(&mut self, update: &CatalogueUpdate) {
+        if !self.recovers() {
+            return;
+        }
+        let state = &mut self.state;
+        for id in &update.removed {
+            state.places.remove(*id);
+        }
+        for seen in &update.seen {
+            let Some(entry) = state.catalogue.get(seen.id) else {
+                continue;
+            };
+            let promoted = update.promoted.contains(&seen.id);
+            if promoted || (entry.stage == Stage::Mapped && entry.looks_different(&seen.descriptor))
+            {
+                // A full index cannot take another; the landmark is then not found by its looks.
+                let _ = state.places.insert(seen.id, &seen.descriptor);
+            }
+        }
     }
 }

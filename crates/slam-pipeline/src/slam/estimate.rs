@@ -53,6 +53,20 @@ impl Slam {
         }
     }
 
+    /// The covariance of a keyframe of the path at `body`: drift, calibration and the scale error of the wheels.
+    pub(super) fn keyframe_covariance(&self, keyframe: u32, body: &Se2) -> Matrix3<f64> {
+        let drift = self
+            .state
+            .drift
+            .covariance_of(keyframe, &Vector2::new(body.x, body.y));
+        let set = self.state.filter.set();
+        let scale = set.particles()[set.best()].metric.relative_scale_variance()
+            + self.config.odometry.scale_bias.powi(2);
+        let along = Vector3::new(body.x, body.y, 0.0) * scale.sqrt();
+        let heading = Vector3::new(-body.y, body.x, 1.0) * self.config.carrier.first_heading_sigma;
+        drift + along * along.transpose() + heading * heading.transpose()
+    }
+
     /// The covariance of the errors that no image sees: a first heading, a mount or a focal length that is wrong.
     ///
     /// A first heading off by a turns the whole path and the heading by a; a camera mounted with a yaw of a turns the path

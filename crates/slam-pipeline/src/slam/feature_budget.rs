@@ -5,16 +5,15 @@ use std::collections::BTreeSet;
 use crate::frontend::association::Association;
 use crate::frontend::frame::FrameFeatures;
 
-/// Indices of at most `limit` keypoints that the association did not use, the strongest first.
+/// Indices of at most `limit` keypoints that the association, if there is one, did not use, the strongest first.
 pub(crate) fn strongest_unused(
     frame: &FrameFeatures<'_>,
-    association: &Association<'_>,
+    association: Option<&Association<'_>>,
     limit: usize,
 ) -> Vec<usize> {
     let taken: BTreeSet<usize> = association
-        .inliers
-        .iter()
-        .chain(&association.outliers)
+        .into_iter()
+        .flat_map(|a| a.inliers.iter().chain(&a.outliers))
         .map(|p| p.keypoint)
         .collect();
     let responses: Vec<f32> = frame

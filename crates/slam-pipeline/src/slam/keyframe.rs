@@ -5,11 +5,15 @@ use nalgebra::{Vector2, Vector3};
 use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
 
 use super::feature_budget::strongest_unused;
+use super::ground::Ground;
+use super::lost::Lost;
 use super::scoring_budget::spread_scoring;
 use super::window::Window;
-use super::{FrameReport, KeypointFate, Slam, SlamError, Stage, StageObserver, filter_error};
+use super::{
+    FrameReport, KeypointFate, PoseEstimate, Slam, SlamError, Stage, StageObserver, filter_error,
+};
 use crate::filter::adaptation::Adaptation;
-use crate::filter::drift::Support;
+use crate::filter::drift::{Drift, Support};
 use crate::filter::evolution::PoseEvolution;
 use crate::filter::landmark::{InverseDepthPrior, Landmark};
 use crate::filter::mapping::Mapping;
@@ -23,6 +27,7 @@ use crate::frontend::association::Association;
 use crate::frontend::catalogue::{self, CatalogueUpdate, NewFeature, SeenAgain};
 use crate::frontend::frame::FrameFeatures;
 use crate::frontend::missed::missed_landmarks;
+use crate::known_map::MapUse;
 use crate::method::LandmarkStart;
 use crate::odometry::Control;
 
@@ -35,26 +40,41 @@ pub(super) struct PlannedKeyframe {
     pub(super) control: Control,
     pub(super) adaptation: Adaptation,
     pub(super) window: Window,
+    /// Estimate at the keyframe before, corrected.
+    pub(super) last: PoseEstimate,
+    /// The joint covariance of the errors, where an old place has changed it.
+    pub(super) drift: Option<Drift>,
+    /// Whether the robot is still lost, and maps on.
+    pub(super) lost: Option<Lost>,
 }
 
 /// A frame as the reference particle sees it.
 pub(super) struct Seen<'a> {
-    pub(super) frame: FrameFeatures<'a>,
+    pub(super) frame: &'a FrameFeatures<'a>,
     pub(super) reference: Particle,
     pub(super) prior: MotionPrior,
     pub(super) control: Control,
     pub(super) association: Association<'a>,
+    /// Whether the odometry was taken for that of slipping wheels.
+    pub(super) doubted: bool,
 }
 
 impl Slam {
     pub(super) fn plan_keyframe(
         &self,
         seen: &Seen<'_>,
+        ground: Ground,
+        lost: Option<Lost>,
         report: &mut FrameReport,
         observer: &mut dyn StageObserver,
     ) -> Result<PlannedKeyframe, SlamError> {
         let state = &self.state;
-        let missed = missed_landmarks(&seen.association);
+        let frozen = self.usage == MapUse::Localise;
+        let missed = if frozen {
+            Vec::new()
+        } else {
+            missed_landmarks(&seen.association, |entry| self.is_dormant(entry))
+        };
         let removed: Vec<u32> = missed
             .iter()
             .copied()
@@ -81,13 +101,23 @@ impl Slam {
             initialised,
             removed,
         };
-        let (filter, window) = self.filter_step(&observation, report, observer)?;
+        let Ground {
+            filter,
+            window,
+            last,
+            drift,
+        } = ground;
+        let (filter, window) = self.filter_step(filter, window, &observation, report, observer)?;
         let update = CatalogueUpdate {
             missed,
             promoted,
             removed: observation.removed.clone(),
             seen: self.seen_again(seen),
-            new: self.new_features(seen, report),
+            new: if frozen {
+                Vec::new()
+            } else {
+                self.new_features(seen, report)
+            },
             forget_before: state
                 .keyframe
                 .saturating_sub(self.config.mapping.tentative_keyframes - 1),
@@ -99,6 +129,9 @@ impl Slam {
             support,
             control: seen.control,
             window,
+            last,
+            drift,
+            lost,
             adaptation: self
                 .state
                 .adaptation
@@ -109,17 +142,19 @@ impl Slam {
     /// The filter after this keyframe. The first frame has no motion: it only starts the path.
     fn filter_step(
         &self,
+        mut filter: ParticleFilter<Particle>,
+        window: Window,
         observation: &FrameObservation,
         report: &mut FrameReport,
         observer: &mut dyn StageObserver,
     ) -> Result<(ParticleFilter<Particle>, Window), SlamError> {
-        let mut filter = self.state.filter.clone();
         let mapping = Mapping {
             rig: &self.rig,
+            frozen: self.usage == MapUse::Localise,
             points: self.policies.landmark_points,
             start: self.policies.landmark_start,
         };
-        if self.state.frame == 0 {
+        if self.state.keyframe == 0 {
             observer.begin(Stage::Mapping);
             for particle in filter.particles_mut() {
                 let Ok(()) = mapping.update_map(particle, observation);
@@ -168,7 +203,7 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        let window = self.redraw(&mut filter, observation, &mapping, report)?;
+        let window = self.redraw(&mut filter, window, observation, &mapping, report)?;
         Ok((filter, window))
     }
 
@@ -259,7 +294,7 @@ impl Slam {
         let limit = self.config.mapping.max_new as usize;
         let mut identities = self.state.catalogue.next_identities();
         let mut new = Vec::new();
-        for k in strongest_unused(&seen.frame, &seen.association, limit) {
+        for k in strongest_unused(seen.frame, Some(&seen.association), limit) {
             let Some(pixel) = seen.frame.ideal[k] else {
                 continue;
             };

@@ -11,13 +11,17 @@
 mod commit;
 mod estimate;
 mod feature_budget;
+mod ground;
 mod keyframe;
 mod keyframe_policy;
-mod known_map;
+mod lost;
+mod map_exchange;
+mod place;
 mod plan;
 mod redraw;
 mod report;
 mod results;
+mod revisit;
 mod scoring_budget;
 #[cfg(test)]
 mod tests;
@@ -25,6 +29,7 @@ mod turned;
 mod window;
 
 use mono_geometry::Se2;
+use place_recognition::PlaceIndex;
 
 use rbpf_core::{
     FilterConfig, ParticleFilter, ParticleSet, RejuvenationSchedule, Resampler, Streams,
@@ -44,11 +49,12 @@ use crate::filter::pose::CameraPose;
 use crate::frontend::association::AssociationParams;
 use crate::frontend::catalogue::Catalogue;
 use crate::frontend::gate::Gate;
+use crate::known_map::MapUse;
 use crate::method::{CarrierFreedom, Policies};
 use crate::odometry::{Odometer, OdometryInterval};
 use crate::rig::Rig;
 use keyframe_policy::KeyframePolicy;
-pub use known_map::{KnownKeyframe, KnownLandmark, KnownMap, MapUse};
+use lost::Lost;
 pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
     Tracking,
@@ -80,6 +86,15 @@ pub enum SlamError {
     /// The descriptor index refused an operation.
     #[error("descriptor index: {0}")]
     Index(#[from] feature_kdtree::IndexError),
+    /// A known map contradicts itself.
+    #[error("map: {reason}")]
+    Map {
+        /// The first contradiction, with its numbers.
+        reason: String,
+    },
+    /// The index of places refused a landmark.
+    #[error("index of places: {0}")]
+    Places(#[from] place_recognition::PlaceError),
     /// A row of odometry is not a number.
     #[error("odometry: {0}")]
     Odometry(#[from] mono_geometry::GeometryError),
@@ -106,6 +121,7 @@ pub struct Slam {
     likelihood: Likelihood,
     association: AssociationParams,
     keyframes: KeyframePolicy,
+    usage: MapUse,
     state: State,
 }
 
@@ -114,6 +130,10 @@ pub struct Slam {
 struct State {
     filter: ParticleFilter<Particle>,
     catalogue: Catalogue,
+    /// Looks of the landmarks of the map, to find a place again.
+    places: PlaceIndex,
+    /// Set while nothing of the map is seen where it is expected.
+    lost: Option<Lost>,
     /// Motion since the last keyframe.
     odometer: Odometer,
     drift: Drift,
@@ -207,9 +227,12 @@ impl Slam {
                 iterations: config.filter.iterations as usize,
             },
             keyframes: KeyframePolicy::from(&config.keyframes),
+            usage: MapUse::Extend,
             state: State {
                 filter,
                 catalogue: Catalogue::new(policies.search)?,
+                places: PlaceIndex::new(),
+                lost: None,
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
                 drift: Drift::default(),
                 adaptation: Adaptation::default(),

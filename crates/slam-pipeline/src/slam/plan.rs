@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::estimate::{between_keyframes, relative_motion};
 use super::keyframe::{PlannedKeyframe, Seen};
 use super::keyframe_policy::KeyframeCues;
+use super::lost::{Lost, Sight};
 use super::{
     FrameInput, FrameReport, KeypointFate, KeypointReport, PoseEstimate, Slam, SlamError, Stage,
     StageObserver, Tracking,
@@ -33,6 +34,12 @@ pub(super) enum PlannedStep {
     Between {
         keyframe_from_body: Se2,
         estimate: PoseEstimate,
+    },
+    /// Nothing of the map is seen, and odometry moves the reported pose.
+    Lost {
+        keyframe_from_body: Se2,
+        estimate: PoseEstimate,
+        lost: Lost,
     },
     /// A filter step.
     Keyframe(Box<PlannedKeyframe>),
@@ -67,24 +74,66 @@ impl Slam {
         for interval in input.odometry {
             odometer.push(interval)?;
         }
-        let mut control = odometer.control();
         let frame = FrameFeatures::new(input.features, &self.rig.camera);
-        let reference = state.filter.set().particles()[state.filter.set().best()].clone();
-        let (mut prior, mut association) = self.look(&frame, &reference, &control);
-        let mut doubted = false;
-        if association.inliers.len() < self.expected_matches() {
-            let wide = control.doubted();
-            let (wide_prior, second) = self.look(&frame, &reference, &wide);
-            if second.inliers.len() > DOUBT_GAIN * association.inliers.len().max(LEAST_EXPECTED / 4)
-            {
-                doubted = true;
-                (control, prior, association) = (wide, wide_prior, second);
+        let mut ground = self.ground();
+        let mut seen = self.seen(&frame, ground.reference(), &odometer.control());
+        let doubted = seen.doubted;
+        let sight = self.sight(&seen.association, keypoints);
+        let mut lost = None;
+        let mut tracking = Tracking::Tracking;
+        if sight != Sight::Map {
+            let place = match sight {
+                Sight::Elsewhere => self.found_again(&frame, &ground),
+                Sight::Map | Sight::Blind => None,
+            };
+            if let Some(place) = place {
+                ground = self.set_down(&ground, &place)?;
+                seen = place.seen(&frame);
+                tracking = Tracking::Relocalised;
+            } else {
+                lost = Some(self.still_lost(sight, &seen.control));
+                tracking = Tracking::Lost;
+            }
+        } else if let Some(before) = state.lost {
+            if before.mapping {
+                lost = Some(before);
+                tracking = Tracking::Lost;
+            } else {
+                tracking = Tracking::Relocalised;
             }
         }
-        let keyframe = state.frame == 0
-            || self
-                .keyframes
-                .wants(self.keyframe_cues(&reference, &control, &association));
+        if let Some(lost) = &mut lost {
+            if !lost.mapping && self.maps_on(lost) {
+                lost.mapping = true;
+                let carried = self.carried(lost, &seen.control);
+                seen = self.seen(&frame, ground.reference(), &carried);
+            }
+        }
+        let stays = lost.is_none_or(|l| l.mapping);
+        let keyframe = stays
+            && (state.keyframe == 0
+                || tracking == Tracking::Relocalised
+                || lost.is_some() != state.lost.is_some()
+                || self.keyframes.wants(self.keyframe_cues(
+                    ground.reference(),
+                    &seen.control,
+                    &seen.association,
+                )));
+        let mut revisit = false;
+        if keyframe && state.keyframe > 0 && tracking != Tracking::Relocalised {
+            if let Some(moved) = self.revisit(&frame, &seen, &ground)? {
+                let after = self.seen(&frame, moved.reference(), &seen.control);
+                // A path that is right explains at least what the one before explained.
+                if after.association.inliers.len() >= seen.association.inliers.len() {
+                    (ground, seen) = (moved, after);
+                    revisit = true;
+                    if lost.take().is_some() {
+                        tracking = Tracking::Relocalised;
+                    }
+                }
+            }
+        }
+        let association = &seen.association;
         let mut report = FrameReport {
             estimate: state.last,
             keyframe,
@@ -96,11 +145,11 @@ impl Slam {
             unique_ancestors: 0,
             resampled: false,
             es_acceptance: None,
-            nis: mean_nis(&association),
+            nis: mean_nis(association),
             odometry_doubted: doubted,
-            tracking: Tracking::Tracking,
-            revisit: false,
-            keypoints: keypoint_reports(keypoints, &association),
+            tracking,
+            revisit,
+            keypoints: keypoint_reports(keypoints, association),
             notes: Vec::new(),
         };
         if association.inliers.is_empty() && state.frame > 0 {
@@ -111,31 +160,35 @@ impl Slam {
                 .notes
                 .push("odometry in doubt: the matches lie beside it".to_owned());
         }
-        let seen = Seen {
-            frame,
-            reference,
-            prior,
-            control,
-            association,
-        };
         observer.begin(Stage::Proposal);
-        let step = if keyframe {
-            PlannedStep::Keyframe(Box::new(self.plan_keyframe(
+        let step = match lost {
+            Some(lost) if !lost.mapping => {
+                let (keyframe_from_body, estimate) = self.dead_reckoned(&lost, &seen);
+                PlannedStep::Lost {
+                    keyframe_from_body,
+                    estimate,
+                    lost,
+                }
+            }
+            lost if keyframe => PlannedStep::Keyframe(Box::new(self.plan_keyframe(
                 &seen,
+                ground,
+                lost,
                 &mut report,
                 observer,
-            )?))
-        } else {
-            let posterior = &seen.association.posterior;
-            let motion = relative_motion(&seen.reference, &seen.prior, posterior);
-            PlannedStep::Between {
-                keyframe_from_body: motion,
-                estimate: between_keyframes(
-                    &state.last,
-                    &motion,
-                    &posterior.pose_covariance(&seen.prior),
-                    seen.reference.metric.scale(),
-                ),
+            )?)),
+            _ => {
+                let posterior = &seen.association.posterior;
+                let motion = relative_motion(&seen.reference, &seen.prior, posterior);
+                PlannedStep::Between {
+                    keyframe_from_body: motion,
+                    estimate: between_keyframes(
+                        &state.last,
+                        &motion,
+                        &posterior.pose_covariance(&seen.prior),
+                        seen.reference.metric.scale(),
+                    ),
+                }
             }
         };
         Ok(Plan {
@@ -145,8 +198,42 @@ impl Slam {
         })
     }
 
+    /// The frame seen from `reference` after `control`, or, where nearly nothing is seen so and much otherwise, after a motion
+    /// that is known less well.
+    fn seen<'a>(
+        &'a self,
+        frame: &'a FrameFeatures<'a>,
+        reference: &Particle,
+        control: &Control,
+    ) -> Seen<'a> {
+        let (prior, association) = self.look(frame, reference, control);
+        let mut seen = Seen {
+            frame,
+            reference: reference.clone(),
+            prior,
+            control: *control,
+            association,
+            doubted: false,
+        };
+        if seen.association.inliers.len() < self.expected_matches() {
+            let wide = control.doubted();
+            let (prior, association) = self.look(frame, reference, &wide);
+            let least = seen.association.inliers.len().max(LEAST_EXPECTED / 4);
+            if association.inliers.len() > DOUBT_GAIN * least {
+                seen = Seen {
+                    prior,
+                    control: wide,
+                    association,
+                    doubted: true,
+                    ..seen
+                };
+            }
+        }
+        seen
+    }
+
     /// The frame seen from `reference` after `control`.
-    fn look(
+    pub(super) fn look(
         &self,
         frame: &FrameFeatures<'_>,
         reference: &Particle,

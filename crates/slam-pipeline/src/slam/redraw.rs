@@ -39,6 +39,7 @@ impl Slam {
     pub(super) fn redraw(
         &self,
         filter: &mut ParticleFilter<Particle>,
+        mut window: Window,
         observation: &FrameObservation,
         mapping: &Mapping<'_>,
         report: &mut FrameReport,
@@ -47,7 +48,6 @@ impl Slam {
         if lag == 0 {
             return Ok(Window::default());
         }
-        let mut window = self.state.window.clone();
         window.steps.push(Arc::new(WindowStep {
             observation: observation.clone(),
             carrier: self.carrier(),

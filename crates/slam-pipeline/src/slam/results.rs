@@ -11,11 +11,12 @@ impl Slam {
     pub fn smoothed_path(&self) -> Vec<Se2> {
         let set = self.state.filter.set();
         let best = &set.particles()[set.best()];
+        let world = best.metric_world(self.rig.lever_m());
         self.state
             .path
             .iter()
             .filter_map(|frame| {
-                let body = best.path.get(frame.keyframe as usize)?.body;
+                let body = world.body(&best.path.get(frame.keyframe as usize)?.pose);
                 Some(Se2::new(body.x, body.y, body.phi).compose(&frame.keyframe_from_body))
             })
             .collect()
@@ -26,13 +27,14 @@ impl Slam {
     pub fn landmarks(&self) -> Vec<MapLandmark> {
         let set = self.state.filter.set();
         let best = &set.particles()[set.best()];
+        let world = best.metric_world(self.rig.lever_m());
         self.state
             .catalogue
             .iter()
             .filter(|(_, e)| e.stage == Stage::Mapped)
             .filter_map(|(id, entry)| {
                 let landmark = best.map.get(id)?;
-                let point = best.metric_point(landmark, self.rig.position_in_body())?;
+                let point = best.metric_point(landmark, &world)?;
                 Some(MapLandmark {
                     id,
                     position: point.position,

@@ -26,7 +26,7 @@ fn features(count: u8) -> Features {
     Features {
         keypoints: (0..count)
             .map(|i| Keypoint {
-                x: 10.0 + 15.0 * f32::from(i),
+                x: 10.0 + 12.0 * f32::from(i),
                 y: 50.0,
                 sigma: 2.0,
                 angle: 0.0,
@@ -37,13 +37,13 @@ fn features(count: u8) -> Features {
     }
 }
 
-/// A system of `method` after a first frame of `features(8)`, about to make a keyframe of the next one.
+/// A system of `method` after a first frame of `features(24)`, about to make a keyframe of the next one.
 fn after_the_first_frame(method: Method) -> Slam {
     let mut config = Config::default();
     config.filter.method = method;
     let mut slam = Slam::new(rig(), &config.check().unwrap()).unwrap();
     let first = FrameInput {
-        features: &features(8),
+        features: &features(24),
         odometry: &[],
     };
     slam.step(&first, &mut |_| {}).unwrap();
@@ -70,8 +70,8 @@ fn an_index_that_refuses_leaves_no_trace() {
     slam.state.catalogue.restart_identities();
     // Keypoints that match nothing are new features.
     let strangers = Features {
-        descriptors: vec![[200; 128]; 8],
-        ..features(8)
+        descriptors: vec![[200; 128]; 24],
+        ..features(24)
     };
     let error = refusal(&mut slam, &strangers);
     assert!(matches!(error, SlamError::Index(_)), "{error}");
@@ -82,7 +82,7 @@ fn a_filter_step_that_fails_leaves_no_trace() {
     let mut slam = after_the_first_frame(Method::Exact);
     // The weight of this particle is not a number.
     slam.state.filter.particles_mut()[3].pose.phi = f64::NAN;
-    let error = refusal(&mut slam, &features(8));
+    let error = refusal(&mut slam, &features(24));
     assert!(
         matches!(error, SlamError::Filter { frame: 1, .. }),
         "{error}"

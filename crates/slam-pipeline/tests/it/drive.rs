@@ -49,6 +49,15 @@ pub(crate) struct Drive {
 
 impl Drive {
     pub(crate) fn new(seed: u64) -> Self {
+        Self::made(seed, None)
+    }
+
+    /// The drive of `seed` once more, with other noise and other wrong matches.
+    pub(crate) fn again(seed: u64, noise: u64) -> Self {
+        Self::made(seed, Some(noise))
+    }
+
+    fn made(seed: u64, noise: Option<u64>) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let normal = |rng: &mut ChaCha8Rng| rng.sample::<f64, _>(StandardNormal);
         let length = STEP_M * FRAMES as f64;
@@ -64,6 +73,9 @@ impl Drive {
                 (at, core::array::from_fn(|_| rng.random_range(0..120_u8)))
             })
             .collect();
+        if let Some(noise) = noise {
+            rng = ChaCha8Rng::seed_from_u64(noise);
+        }
         let mut at = Se2::identity();
         let (mut truth, mut odometry, mut features) = (Vec::new(), Vec::new(), Vec::new());
         for frame in 0..FRAMES {

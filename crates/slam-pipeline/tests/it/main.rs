@@ -7,6 +7,7 @@
 
 mod drive;
 mod frame_loop;
+mod old_places;
 mod refused_frames;
 mod row_rate;
 mod sightings;

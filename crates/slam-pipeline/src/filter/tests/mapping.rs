@@ -10,7 +10,6 @@ use crate::filter::particle::{Keyframe, Particle};
 use crate::filter::pose::CameraPose;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
-use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rbpf_core::MapUpdate;
 use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
@@ -23,12 +22,6 @@ fn keyframe(pose: &CameraPose) -> Keyframe {
     Keyframe {
         pose: *pose,
         camera: place(pose),
-        body: Se2 {
-            x: pose.centre.x,
-            y: pose.centre.y,
-            phi: pose.phi,
-        },
-        scale: 1.0,
     }
 }
 
@@ -45,6 +38,7 @@ fn mapping(rig: &Rig, start: LandmarkStart) -> Mapping<'_> {
         rig,
         points: SigmaPoints::default(),
         start,
+        frozen: false,
     }
 }
 
@@ -191,9 +185,10 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
         "{}",
         landmark.depth_openness()
     );
-    // In metres: the scale stretches the world about the anchor.
+    // In metres: the scale stretches the world about the start.
     started.metric.mean[MetricState::SCALE] = 1.1;
-    let metric = started.metric_point(&landmark, &Vector3::zeros()).unwrap();
+    let world = started.metric_world(Vector2::zeros());
+    let metric = started.metric_point(&landmark, &world).unwrap();
     let unit = landmark.point(&p.geometry(&landmark).unwrap()).unwrap();
     assert!((metric.position - unit.position * 1.1).norm() < 1e-12);
     assert!((metric.covariance - unit.covariance * 1.21).norm() < 1e-12);

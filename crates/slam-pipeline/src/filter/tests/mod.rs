@@ -9,3 +9,4 @@ mod metric;
 mod motion;
 mod pose;
 mod redraw;
+mod revisit;

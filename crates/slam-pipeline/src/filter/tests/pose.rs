@@ -15,7 +15,6 @@ use crate::method::{Evolution, LikelihoodForm, ProposalKind, WeightForm};
 use crate::odometry::Control;
 use crate::rig::Rig;
 use estimation_base::Manifold;
-use mono_geometry::Se2;
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::{Proposal, Rejuvenation, Streams};
@@ -301,12 +300,6 @@ fn open_depth_tells_nothing_along_the_baseline() {
     p.path.push(Keyframe {
         pose: start,
         camera: anchor,
-        body: Se2 {
-            x: 0.0,
-            y: 0.0,
-            phi: 0.3,
-        },
-        scale: 1.0,
     });
     let carrier = planar_carrier();
     let prior = carrier.prior(

@@ -55,6 +55,7 @@ fn mapping(rig: &Rig) -> Mapping<'_> {
         rig,
         points: SigmaPoints::default(),
         start: LandmarkStart::SecondSighting,
+        frozen: false,
     }
 }
 

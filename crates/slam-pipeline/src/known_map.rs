@@ -38,6 +38,17 @@ pub struct KnownLandmark {
     pub last_direction: Vector3<f64>,
 }
 
+/// The joint covariance of the errors of some keyframes of a map, spread over all of it.
+///
+/// An error (dx, dy, dphi) is that of the body pose in world axes: m, m, rad.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct KnownErrors {
+    /// Indices of the keyframes, ascending.
+    pub keyframes: Vec<u32>,
+    /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
+    pub rows: Vec<Vec<Matrix3<f64>>>,
+}
+
 /// A map that outlives its run.
 ///
 /// The anchors of its landmarks are indices of its keyframes.
@@ -47,6 +58,8 @@ pub struct KnownMap {
     pub camera: Camera,
     /// Keyframes in the order of their times.
     pub keyframes: Vec<KnownKeyframe>,
+    /// Errors of keyframes that the path has in common: drift, without that of the calibration and of the wheels' scale.
+    pub errors: KnownErrors,
     /// Landmarks in order of their ids.
     pub landmarks: Vec<KnownLandmark>,
 }

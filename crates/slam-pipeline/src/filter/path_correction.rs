@@ -1,0 +1,60 @@
+//! The path of a particle moved by its expected errors.
+//!
+//! The map needs no change: its landmarks are anchored in the keyframes of the path and move with them. Copies that
+//! particles share stay shared.
+
+use estimation_base::wrap;
+use nalgebra::{Matrix3, Vector2};
+use rbpf_core::MappedNodes;
+
+use super::particle::{Keyframe, Particle, Segment};
+use super::revisit::Correction;
+
+/// The errors of a path that all particles share.
+#[derive(Debug, Clone)]
+pub(crate) struct PathCorrection {
+    /// Errors of the body poses, metres and radians.
+    pub(crate) errors: Correction,
+    /// Metres per unit.
+    pub(crate) scale: f64,
+    /// Error of the height at the present, in the unit.
+    pub(crate) height: f64,
+    /// Position of the camera in the body, metres.
+    pub(crate) lever_m: Vector2<f64>,
+}
+
+impl PathCorrection {
+    /// Moves paths, poses and positions of `particles`. Their earlier states no longer fit and are dropped.
+    pub(crate) fn apply(&self, particles: &mut [Particle]) {
+        let mut shared = MappedNodes::new();
+        for particle in particles {
+            particle.path = particle
+                .path
+                .mapped(&mut shared, |index, k| self.keyframe(index, k));
+            let Some(last) = particle.path.last() else {
+                continue;
+            };
+            particle.pose = last.pose;
+            let body = particle.metric_world(self.lever_m).body(&particle.pose);
+            particle.metric.place_by_landmarks(&body);
+            particle.segment = Segment::default();
+            particle.prior = None;
+        }
+    }
+
+    fn keyframe(&self, index: u32, k: &Keyframe) -> Keyframe {
+        let centre = &k.camera.centre;
+        let error = self.errors.at(index, &(centre.xy() * self.scale));
+        let mut moved = *k;
+        moved.camera.centre.x -= error.x / self.scale;
+        moved.camera.centre.y -= error.y / self.scale;
+        moved.camera.centre.z -= self.height * self.errors.share(index);
+        let (sin, cos) = error.z.sin_cos();
+        // The world turns back by the error.
+        moved.camera.camera_from_world =
+            k.camera.camera_from_world * Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        moved.pose.centre = moved.camera.centre;
+        moved.pose.phi = wrap(k.pose.phi - error.z);
+        moved
+    }
+}

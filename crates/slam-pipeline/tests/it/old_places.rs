@@ -1,0 +1,214 @@
+//! Maps that outlive their run, robots that wake up in one, are lifted or blinded.
+
+use mono_geometry::Se2;
+use nalgebra::{Matrix2, Vector2, Vector3};
+use slam_pipeline::{
+    FrameInput, FrameReport, KnownMap, MapUse, OdometryInterval, Slam, SlamError, Tracking,
+};
+use vision_sift::Features;
+
+use crate::drive::{Drive, FRAMES, config, rig};
+
+/// A system after the whole of `drive`.
+fn mapped(drive: &Drive, seed: u64) -> Slam {
+    let mut slam = Slam::new(rig(), &config(30, seed)).unwrap();
+    for i in 0..FRAMES {
+        slam.step(&drive.input(i), &mut |_| {}).unwrap();
+    }
+    slam
+}
+
+fn step(slam: &mut Slam, features: &Features, odometry: &[OdometryInterval]) -> FrameReport {
+    let input = FrameInput { features, odometry };
+    slam.step(&input, &mut |_| {}).unwrap()
+}
+
+/// Distance of the estimate from `truth`, metres, and the same in standard deviations.
+fn error(report: &FrameReport, truth: &Se2) -> (f64, f64) {
+    let pose = &report.estimate.pose;
+    let d = Vector2::new(pose.x - truth.x, pose.y - truth.y);
+    let covariance: Matrix2<f64> = report.estimate.covariance.fixed_view::<2, 2>(0, 0).into();
+    let covariance = covariance.cholesky().unwrap();
+    (d.norm(), d.dot(&covariance.solve(&d)).sqrt())
+}
+
+#[test]
+fn a_known_map_is_the_map_of_the_run_in_metres() {
+    let slam = mapped(&Drive::new(5), 5);
+    let map = slam.known_map();
+    let landmarks = slam.landmarks();
+    assert!(map.landmarks.len() > 100);
+    let mut compared = 0;
+    for known in &map.landmarks {
+        // Landmarks without a positive depth have no point.
+        let Some(point) = landmarks.iter().find(|l| l.id == known.id) else {
+            continue;
+        };
+        let [alpha, beta, rho] = known.parameters.into();
+        let in_camera = Vector3::new(alpha, beta, 1.0) / rho;
+        let keyframe = &map.keyframes[known.anchor as usize];
+        let world = keyframe.world_from_camera.transform_point(&in_camera);
+        assert!(
+            (world - point.position).norm() < 1e-9,
+            "landmark {}",
+            known.id
+        );
+        compared += 1;
+    }
+    assert!(compared > 100);
+    let path = slam.smoothed_path();
+    let last = map.keyframes[map.keyframes.len() - 1];
+    assert!(
+        path.iter()
+            .any(|p| (p.x - last.body.x).hypot(p.y - last.body.y) < 1e-9)
+    );
+    assert_eq!(
+        map.keyframes[0].covariance.fixed_view::<2, 2>(0, 0).norm(),
+        0.0
+    );
+    assert!(last.covariance[(0, 0)] > 0.0);
+}
+
+#[test]
+fn a_robot_that_wakes_up_in_a_known_map_finds_itself_within_five_frames() {
+    let map = mapped(&Drive::new(5), 5).known_map();
+    let drive = Drive::again(5, 77);
+    for usage in [MapUse::Localise, MapUse::Extend] {
+        for start in [0, 13, 27] {
+            let mut slam = Slam::with_map(rig(), &config(30, 9), &map, usage).unwrap();
+            let mut found = None;
+            for i in start..start + 10 {
+                let odometry = if i == start {
+                    &[][..]
+                } else {
+                    drive.input(i).odometry
+                };
+                let report = step(&mut slam, &drive.features[i], odometry);
+                let (metres, sigmas) = error(&report, &drive.truth[i]);
+                match report.tracking {
+                    Tracking::Lost => {
+                        assert!(found.is_none(), "lost again at {i} after {found:?}");
+                        assert!(sigmas < 4.0);
+                    }
+                    _ => {
+                        found.get_or_insert(i);
+                        assert!(metres < 0.08 && sigmas < 4.0, "{i}: {metres} m, {sigmas}");
+                    }
+                }
+            }
+            assert!(found.unwrap() < start + 5, "{start}: {found:?}");
+            let after = slam.known_map();
+            let old: Vec<u32> = map.landmarks.iter().map(|l| l.id).collect();
+            match usage {
+                MapUse::Localise => {
+                    let same = |a: &KnownMap| -> Vec<_> {
+                        a.landmarks.iter().map(|l| (l.id, l.anchor)).collect()
+                    };
+                    assert_eq!(same(&after), same(&map));
+                    for (a, b) in after.landmarks.iter().zip(&map.landmarks) {
+                        assert_eq!((a.parameters, a.covariance), (b.parameters, b.covariance));
+                    }
+                }
+                MapUse::Extend => {
+                    assert!(after.keyframes.len() > map.keyframes.len());
+                    let new = after.landmarks.iter().filter(|l| !old.contains(&l.id));
+                    assert!(new.clone().all(|l| l.id > old[old.len() - 1]));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_robot_that_is_lifted_is_found_where_it_is_set_down() {
+    let drive = Drive::new(8);
+    let mut slam = Slam::new(rig(), &config(30, 3)).unwrap();
+    for i in 0..33 {
+        slam.step(&drive.input(i), &mut |_| {}).unwrap();
+    }
+    // Two metres back, and odometry says nothing.
+    let drive = Drive::again(8, 1);
+    let mut recovered = None;
+    for i in 11..21 {
+        let odometry = if i == 11 {
+            &[][..]
+        } else {
+            drive.input(i).odometry
+        };
+        let report = step(&mut slam, &drive.features[i], odometry);
+        if report.tracking == Tracking::Relocalised {
+            recovered = Some(i);
+        }
+        if recovered.is_some() {
+            let (metres, sigmas) = error(&report, &drive.truth[i]);
+            assert!(metres < 0.1 && sigmas < 4.0, "{i}: {metres} m, {sigmas}");
+        }
+    }
+    assert!(recovered.is_some_and(|i| i < 16), "{recovered:?}");
+}
+
+#[test]
+fn a_blind_robot_is_lost_and_its_covariance_grows_until_it_sees_again() {
+    let drive = Drive::new(12);
+    let mut slam = Slam::new(rig(), &config(30, 3)).unwrap();
+    let mut variances = Vec::new();
+    for i in 0..FRAMES {
+        let dark = (20..26).contains(&i);
+        let nothing = Features::default();
+        let features = if dark { &nothing } else { &drive.features[i] };
+        let report = step(&mut slam, features, drive.input(i).odometry);
+        let expected = match i {
+            20..26 => Tracking::Lost,
+            26 => Tracking::Relocalised,
+            _ => Tracking::Tracking,
+        };
+        assert_eq!(report.tracking, expected, "frame {i}");
+        assert!(!(dark && report.keyframe));
+        if dark {
+            variances.push(report.estimate.covariance.fixed_view::<2, 2>(0, 0).trace());
+        }
+        if i > 0 {
+            let (_, sigmas) = error(&report, &drive.truth[i]);
+            assert!(sigmas < 4.5, "frame {i}: {sigmas}");
+        }
+    }
+    assert!(variances.windows(2).all(|v| v[1] > v[0]), "{variances:?}");
+}
+
+#[test]
+fn a_map_that_contradicts_itself_is_refused_with_the_number() {
+    let map = mapped(&Drive::new(5), 5).known_map();
+    let refused = |change: &dyn Fn(&mut KnownMap)| {
+        let mut map = map.clone();
+        change(&mut map);
+        match Slam::with_map(rig(), &config(5, 1), &map, MapUse::Extend) {
+            Err(SlamError::Map { reason }) => reason,
+            other => format!("not refused: {:?}", other.map(|_| ())),
+        }
+    };
+    assert_eq!(
+        refused(&|m| m.keyframes.clear()),
+        "0 keyframes, required: at least 1"
+    );
+    let count = map.keyframes.len();
+    let id = map.landmarks[3].id;
+    assert_eq!(
+        refused(&|m| m.landmarks[3].anchor = 1000),
+        format!("landmark {id} is anchored in keyframe 1000 of {count}")
+    );
+    let before = map.landmarks[2].id;
+    assert_eq!(
+        refused(&|m| m.landmarks[3].id = before),
+        format!("landmark {before} follows landmark {before}, required: ascending ids")
+    );
+    assert_eq!(
+        refused(&|m| m.landmarks[3].parameters.z = f64::NAN),
+        format!("landmark {id} is not usable")
+    );
+    assert_eq!(
+        refused(&|m| m.keyframes[1].body.x = f64::INFINITY),
+        "keyframe 1 is not finite"
+    );
+    let same = Vector2::new(map.keyframes[0].body.x, map.keyframes[0].body.y);
+    assert_eq!(same, Vector2::zeros());
+}
