@@ -73,7 +73,7 @@ impl Slam {
         let missed = if frozen {
             Vec::new()
         } else {
-            missed_landmarks(&seen.association, |entry| self.is_dormant(entry))
+            missed_landmarks(&seen.association, |entry| self.is_old(entry))
         };
         let removed: Vec<u32> = missed
             .iter()

@@ -123,8 +123,8 @@ impl Slam {
         if keyframe && state.keyframe > 0 && tracking != Tracking::Relocalised {
             if let Some(moved) = self.revisit(&frame, &seen, &ground)? {
                 let after = self.seen(&frame, moved.reference(), &seen.control);
-                // A path that is right explains at least what the one before explained.
-                if after.association.inliers.len() >= seen.association.inliers.len() {
+                // A path that is right explains about what the one before explained, or more.
+                if 5 * after.association.inliers.len() >= 4 * seen.association.inliers.len() {
                     (ground, seen) = (moved, after);
                     revisit = true;
                     if lost.take().is_some() {

@@ -71,6 +71,11 @@ impl Slam {
         entry.stage == Stage::Mapped && entry.last.keyframe + DORMANT <= self.state.keyframe
     }
 
+    /// Whether an entry was first seen long ago. Where a path has drifted, such landmarks are missed one and all.
+    pub(super) fn is_old(&self, entry: &Entry) -> bool {
+        entry.first.keyframe + 2 * DORMANT <= self.state.keyframe
+    }
+
     /// The corrected ground when the frame shows an old place that lies elsewhere than the recent landmarks say.
     pub(super) fn revisit(
         &self,
