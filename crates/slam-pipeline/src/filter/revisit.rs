@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::drift::{Drift, transport};
 
-/// What a revisit tells of the errors of all keyframes.
+/// The news that a revisit brings of the errors of all keyframes.
 #[derive(Debug, Clone)]
 pub(crate) struct Revisit {
     /// cov(e_k, h) of every kept keyframe.

@@ -7,7 +7,7 @@ use super::{PoseEstimate, Slam};
 use crate::filter::drift::Drift;
 use crate::filter::particle::Particle;
 
-/// What a keyframe builds on.
+/// The state that a keyframe builds on.
 #[derive(Debug, Clone)]
 pub(super) struct Ground {
     pub(super) filter: ParticleFilter<Particle>,

@@ -52,14 +52,14 @@ impl Slam {
             .iter()
             .filter(|(_, entry)| entry.stage == Stage::Mapped)
             .filter_map(|(id, entry)| {
-                let (anchor, landmark) = anchored(best, best.map.get(id)?, entry)?;
+                let (anchor, parameters, covariance) = anchored(best, best.map.get(id)?, entry)?;
                 let mut unit = Matrix3::identity();
                 unit[(2, 2)] = 1.0 / scale;
                 Some(KnownLandmark {
                     id,
                     anchor,
-                    parameters: unit * landmark.0,
-                    covariance: unit * landmark.1 * unit,
+                    parameters: unit * parameters,
+                    covariance: unit * covariance * unit,
                     descriptor: *entry.descriptor,
                     observations: entry.observations,
                     existence: entry.existence.log_odds(),
@@ -199,9 +199,9 @@ fn anchored(
     particle: &Particle,
     landmark: &Landmark,
     entry: &Entry,
-) -> Option<(u32, (Vector3<f64>, Matrix3<f64>))> {
+) -> Option<(u32, Vector3<f64>, Matrix3<f64>)> {
     if let Some(anchor) = landmark.anchor() {
-        return Some((anchor, (landmark.mean, landmark.covariance)));
+        return Some((anchor, landmark.mean, landmark.covariance));
     }
     let anchor = entry.first.keyframe;
     let camera: PlacedCamera = particle.path.get(anchor as usize)?.camera;
@@ -224,10 +224,8 @@ fn anchored(
     ) * camera.camera_from_world;
     Some((
         anchor,
-        (
-            Vector3::new(alpha, beta, rho),
-            by_point * landmark.covariance * by_point.transpose(),
-        ),
+        Vector3::new(alpha, beta, rho),
+        by_point * landmark.covariance * by_point.transpose(),
     ))
 }
 

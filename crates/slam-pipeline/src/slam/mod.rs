@@ -18,11 +18,13 @@ mod lost;
 mod map_exchange;
 mod place;
 mod plan;
+mod recovery;
 mod redraw;
 mod report;
 mod results;
 mod revisit;
 mod scoring_budget;
+mod standing;
 #[cfg(test)]
 mod tests;
 mod turned;

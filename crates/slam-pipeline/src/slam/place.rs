@@ -36,7 +36,7 @@ const PRIOR_RAD: f64 = 0.03;
 pub(super) struct Place<'a> {
     /// The reference particle set down there.
     pub(super) reference: Particle,
-    /// What is known of its motion: nothing.
+    /// Its motion, of which nothing is known.
     pub(super) control: Control,
     pub(super) prior: MotionPrior,
     pub(super) association: Association<'a>,
@@ -94,7 +94,7 @@ impl Slam {
             .unwrap_or_default()
             .iter()
             .filter_map(|hypothesis| {
-                let place = self.from_there(frame, reference, hypothesis)?;
+                let place = self.associated_at(frame, reference, hypothesis)?;
                 let expected = expected(&place.association);
                 (expected.found >= LEAST_MATCHES
                     && expected.found as f64 >= LEAST_SHARE * expected.landmarks as f64)
@@ -144,7 +144,7 @@ impl Slam {
     }
 
     /// The frame as it is associated from the pose of a hypothesis.
-    fn from_there<'a>(
+    fn associated_at<'a>(
         &'a self,
         frame: &FrameFeatures<'_>,
         reference: &Particle,

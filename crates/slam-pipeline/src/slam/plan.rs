@@ -6,10 +6,11 @@ use nalgebra::Vector3;
 use super::estimate::{between_keyframes, relative_motion};
 use super::keyframe::{PlannedKeyframe, Seen};
 use super::keyframe_policy::KeyframeCues;
-use super::lost::{Lost, Sight};
+use super::lost::Lost;
+use super::standing::Standing;
 use super::{
     FrameInput, FrameReport, KeypointFate, KeypointReport, PoseEstimate, Slam, SlamError, Stage,
-    StageObserver, Tracking,
+    StageObserver,
 };
 use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
@@ -75,64 +76,15 @@ impl Slam {
             odometer.push(interval)?;
         }
         let frame = FrameFeatures::new(input.features, &self.rig.camera);
-        let mut ground = self.ground();
-        let mut seen = self.seen(&frame, ground.reference(), &odometer.control());
+        let Standing {
+            ground,
+            seen,
+            tracking,
+            lost,
+            keyframe,
+            revisit,
+        } = self.standing(&frame, &odometer.control())?;
         let doubted = seen.doubted;
-        let sight = self.sight(&seen.association, keypoints);
-        let mut lost = None;
-        let mut tracking = Tracking::Tracking;
-        if sight != Sight::Map {
-            let place = match sight {
-                Sight::Elsewhere => self.found_again(&frame, &ground),
-                Sight::Map | Sight::Blind => None,
-            };
-            if let Some(place) = place {
-                ground = self.set_down(&ground, &place)?;
-                seen = place.seen(&frame);
-                tracking = Tracking::Relocalised;
-            } else {
-                lost = Some(self.still_lost(sight, &seen.control));
-                tracking = Tracking::Lost;
-            }
-        } else if let Some(before) = state.lost {
-            if before.mapping {
-                lost = Some(before);
-                tracking = Tracking::Lost;
-            } else {
-                tracking = Tracking::Relocalised;
-            }
-        }
-        if let Some(lost) = &mut lost {
-            if !lost.mapping && self.maps_on(lost) {
-                lost.mapping = true;
-                let carried = self.carried(lost, &seen.control);
-                seen = self.seen(&frame, ground.reference(), &carried);
-            }
-        }
-        let stays = lost.is_none_or(|l| l.mapping);
-        let keyframe = stays
-            && (state.keyframe == 0
-                || tracking == Tracking::Relocalised
-                || lost.is_some() != state.lost.is_some()
-                || self.keyframes.wants(self.keyframe_cues(
-                    ground.reference(),
-                    &seen.control,
-                    &seen.association,
-                )));
-        let mut revisit = false;
-        if keyframe && state.keyframe > 0 && tracking != Tracking::Relocalised {
-            if let Some(moved) = self.revisit(&frame, &seen, &ground)? {
-                let after = self.seen(&frame, moved.reference(), &seen.control);
-                // A path that is right explains about what the one before explained, or more.
-                if 5 * after.association.inliers.len() >= 4 * seen.association.inliers.len() {
-                    (ground, seen) = (moved, after);
-                    revisit = true;
-                    if lost.take().is_some() {
-                        tracking = Tracking::Relocalised;
-                    }
-                }
-            }
-        }
         let association = &seen.association;
         let mut report = FrameReport {
             estimate: state.last,
@@ -200,7 +152,7 @@ impl Slam {
 
     /// The frame seen from `reference` after `control`, or, where nearly nothing is seen so and much otherwise, after a motion
     /// that is known less well.
-    fn seen<'a>(
+    pub(super) fn seen<'a>(
         &'a self,
         frame: &'a FrameFeatures<'a>,
         reference: &Particle,
@@ -262,7 +214,7 @@ impl Slam {
         before / DOUBT_GAIN
     }
 
-    fn keyframe_cues(
+    pub(super) fn keyframe_cues(
         &self,
         reference: &Particle,
         control: &Control,

@@ -78,7 +78,7 @@ fn errors_and_covariance_after_a_revisit_are_those_of_the_joint_gaussian() {
     add(5, -0.75);
     let gain_s = &joint * measure.transpose();
     let s = &measure * &gain_s + DMatrix::from_iterator(3, 3, noise.iter().copied());
-    let solved = s.clone().cholesky().unwrap();
+    let solved = s.cholesky().unwrap();
     let errors = &gain_s * solved.solve(&DVector::from_column_slice(h.as_slice()));
     let after = &joint - &gain_s * solved.solve(&gain_s.transpose());
 

@@ -1,0 +1,131 @@
+//! Where the robot stands at a frame: by the map it follows, by an old place, or by odometry because it is lost.
+
+use super::ground::Ground;
+use super::keyframe::Seen;
+use super::lost::Lost;
+use super::recovery::Sight;
+use super::{Slam, SlamError, Tracking};
+use crate::frontend::frame::FrameFeatures;
+use crate::odometry::Control;
+
+/// A frame with the state that it is judged from.
+pub(super) struct Standing<'a> {
+    pub(super) ground: Ground,
+    pub(super) seen: Seen<'a>,
+    pub(super) tracking: Tracking,
+    /// Set while nothing of the map is seen where it is expected.
+    pub(super) lost: Option<Lost>,
+    /// Whether the frame is a filter step.
+    pub(super) keyframe: bool,
+    /// Whether an old place has moved the path.
+    pub(super) revisit: bool,
+}
+
+impl Slam {
+    /// Where the robot stands after `control`.
+    pub(super) fn standing<'a>(
+        &'a self,
+        frame: &'a FrameFeatures<'a>,
+        control: &Control,
+    ) -> Result<Standing<'a>, SlamError> {
+        let ground = self.ground();
+        let seen = self.seen(frame, ground.reference(), control);
+        let sight = self.sight(&seen.association, frame.ideal.len());
+        let mut standing = Standing {
+            ground,
+            seen,
+            tracking: Tracking::Tracking,
+            lost: None,
+            keyframe: false,
+            revisit: false,
+        };
+        match sight {
+            Sight::Map => self.follow(&mut standing),
+            Sight::Blind | Sight::Elsewhere => self.search(frame, sight, &mut standing)?,
+        }
+        standing.keyframe = self.is_keyframe(&standing);
+        let moves = standing.keyframe && standing.tracking != Tracking::Relocalised;
+        if moves && self.state.keyframe > 0 {
+            self.come_back(frame, &mut standing)?;
+        }
+        Ok(standing)
+    }
+
+    /// The map is seen: a robot that was lost stands where odometry puts it, unless it was moved and has mapped on.
+    fn follow(&self, standing: &mut Standing<'_>) {
+        match self.state.lost {
+            None => {}
+            Some(before) if before.mapping => {
+                standing.lost = Some(before);
+                standing.tracking = Tracking::Lost;
+            }
+            Some(_) => standing.tracking = Tracking::Relocalised,
+        }
+    }
+
+    /// The map is not seen: the robot is set down where the frame shows it, or stays lost.
+    fn search<'a>(
+        &'a self,
+        frame: &'a FrameFeatures<'a>,
+        sight: Sight,
+        standing: &mut Standing<'a>,
+    ) -> Result<(), SlamError> {
+        let place = match sight {
+            Sight::Elsewhere => self.found_again(frame, &standing.ground),
+            Sight::Map | Sight::Blind => None,
+        };
+        if let Some(place) = place {
+            standing.ground = self.set_down(&standing.ground, &place)?;
+            standing.seen = place.seen(frame);
+            standing.tracking = Tracking::Relocalised;
+            return Ok(());
+        }
+        let mut lost = self.still_lost(sight, &standing.seen.control);
+        if !lost.mapping && self.maps_on(&lost) {
+            lost.mapping = true;
+            let carried = self.carried(&lost, &standing.seen.control);
+            standing.seen = self.seen(frame, standing.ground.reference(), &carried);
+        }
+        standing.lost = Some(lost);
+        standing.tracking = Tracking::Lost;
+        Ok(())
+    }
+
+    fn is_keyframe(&self, standing: &Standing<'_>) -> bool {
+        let state = &self.state;
+        if standing.lost.is_some_and(|l| !l.mapping) {
+            return false;
+        }
+        let changed = standing.lost.map(|l| l.mapping) != state.lost.map(|l| l.mapping);
+        state.keyframe == 0
+            || changed
+            || self.keyframes.wants(self.keyframe_cues(
+                standing.ground.reference(),
+                &standing.seen.control,
+                &standing.seen.association,
+            ))
+    }
+
+    /// Moves the path where an old place shows that it has drifted.
+    fn come_back<'a>(
+        &'a self,
+        frame: &'a FrameFeatures<'a>,
+        standing: &mut Standing<'a>,
+    ) -> Result<(), SlamError> {
+        let Some(moved) = self.revisit(frame, &standing.seen, &standing.ground)? else {
+            return Ok(());
+        };
+        let after = self.seen(frame, moved.reference(), &standing.seen.control);
+        // A path that is right explains about what the one before explained, or more.
+        if 5 * after.association.inliers.len() < 4 * standing.seen.association.inliers.len() {
+            return Ok(());
+        }
+        standing.ground = moved;
+        standing.seen = after;
+        standing.revisit = true;
+        if standing.lost.take().is_some() {
+            standing.tracking = Tracking::Relocalised;
+        }
+        Ok(())
+    }
+}
