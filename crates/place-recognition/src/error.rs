@@ -2,7 +2,7 @@
 
 use feature_kdtree::IndexError;
 
-/// What was given, and what would have been accepted.
+/// The refusal of an option or of a landmark.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlaceError {
