@@ -8,7 +8,9 @@ use slam_io::{
     StageTimes, configuration,
 };
 use slam_pipeline::config::ValidConfig;
-use slam_pipeline::{FrameInput, FrameReport, KeypointReport, Rig, Slam, SlamError, detector_of};
+use slam_pipeline::{
+    FrameInput, FrameReport, KeypointReport, Rig, Slam, SlamError, Tracking, detector_of,
+};
 use vision_sift::Features;
 
 use crate::detection::{Detected, FrameDetector};
@@ -140,7 +142,10 @@ fn run_in_pool(
             },
         });
     }
-    let (path, smoother) = smoothed(&recording, rig, config, slam.smoothed_path());
+    let found_again = frames
+        .iter()
+        .any(|f: &FrameRecord| f.report.tracking == Tracking::Relocalised);
+    let (path, smoother) = smoothed(&recording, rig, config, slam.smoothed_path(), found_again);
     let mut warnings = sequence.warnings.clone();
     warnings.extend(warnings::of_reference(sequence));
     let samples: Vec<OdometrySample> = sequence.odometry.iter().map(|&row| row.into()).collect();

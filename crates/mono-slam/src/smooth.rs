@@ -32,12 +32,14 @@ pub(crate) fn odometry_before(sequence: &Sequence, index: usize) -> Vec<Odometry
 
 /// The smoothed path, one pose a frame, and where it comes from.
 ///
+/// A run whose robot was `found_again` by the looks of a place is not smoothed by the batch, which trusts odometry throughout.
 /// Only the method `exact` is smoothed by the batch: the others reproduce what they are compared for.
 pub(crate) fn smoothed(
     recording: &Recording,
     rig: Rig,
     config: &ValidConfig,
     best: Vec<Se2>,
+    found_again: bool,
 ) -> (Vec<Se2>, SmootherRecord) {
     let otherwise = |note: String| SmootherRecord {
         method: BEST_PARTICLE.to_owned(),
@@ -48,6 +50,11 @@ pub(crate) fn smoothed(
     };
     if config.filter.method != Method::Exact {
         let note = format!("the method {} is not smoothed", config.filter.method.name());
+        return (best, otherwise(note));
+    }
+    if found_again {
+        let note =
+            "the robot was lost and found elsewhere, odometry does not lead there".to_owned();
         return (best, otherwise(note));
     }
     let keyframes = recording.keyframes().len();
@@ -157,7 +164,7 @@ mod tests {
                 recording.push_frame(pose, true, &[], []);
                 best.push(pose);
             }
-            let (path, smoother) = smoothed(&recording, rig(), &config, best.clone());
+            let (path, smoother) = smoothed(&recording, rig(), &config, best.clone(), false);
             assert_eq!(path, best);
             assert_eq!(smoother.method, BEST_PARTICLE);
             let note = smoother.note.expect("a reason");

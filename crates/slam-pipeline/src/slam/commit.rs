@@ -5,7 +5,7 @@ use rbpf_core::unique_ancestors;
 
 use super::keyframe::PlannedKeyframe;
 use super::plan::{Plan, PlannedStep};
-use super::{FrameAnchor, FrameReport, PoseEstimate, Slam};
+use super::{FrameAnchor, FrameReport, PoseEstimate, Slam, State, Tracking};
 use crate::frontend::catalogue::{CatalogueUpdate, Stage};
 
 impl Slam {
@@ -21,6 +21,7 @@ impl Slam {
                 self.state.path.push(FrameAnchor {
                     keyframe: self.state.keyframe - 1,
                     keyframe_from_body,
+                    lost: false,
                 });
             }
             PlannedStep::Lost {
@@ -33,10 +34,11 @@ impl Slam {
                 self.state.path.push(FrameAnchor {
                     keyframe: self.state.keyframe - 1,
                     keyframe_from_body,
+                    lost: true,
                 });
             }
             PlannedStep::Keyframe(keyframe) => {
-                report.estimate = self.commit_keyframe(*keyframe, report.matches);
+                report.estimate = self.commit_keyframe(*keyframe, &report);
             }
         }
         report.landmarks = self.state.catalogue.mapped();
@@ -45,7 +47,8 @@ impl Slam {
         report
     }
 
-    fn commit_keyframe(&mut self, keyframe: PlannedKeyframe, matches: usize) -> PoseEstimate {
+    fn commit_keyframe(&mut self, keyframe: PlannedKeyframe, report: &FrameReport) -> PoseEstimate {
+        let found = report.tracking == Tracking::Relocalised;
         let state = &mut self.state;
         state.filter = keyframe.filter;
         state.last = keyframe.last;
@@ -60,13 +63,17 @@ impl Slam {
         let estimate = self.estimate(keyframe.support.as_ref(), &keyframe.control);
         let state = &mut self.state;
         state.last = estimate;
+        if found {
+            state.anchor_lost_frames();
+        }
         state.path.push(FrameAnchor {
             keyframe: state.keyframe,
             keyframe_from_body: Se2::identity(),
+            lost: false,
         });
         state.keyframe += 1;
         // About half of the features that start here are found again, and the first keyframe has no others.
-        state.matches_at_keyframe = matches.max(started / 2);
+        state.matches_at_keyframe = report.matches.max(started / 2);
         state.adaptation = keyframe.adaptation;
         state.window = keyframe.window;
         state.odometer.reset();
@@ -92,6 +99,17 @@ impl Slam {
                 // A full index cannot take another; the landmark is then not found by its looks.
                 let _ = state.places.insert(seen.id, &seen.descriptor);
             }
+        }
+    }
+}
+
+impl State {
+    /// The frames through which the robot was lost hang on the keyframe that now follows: odometry leads from them to it.
+    fn anchor_lost_frames(&mut self) {
+        let now = self.odometer.control().increment;
+        for frame in self.path.iter_mut().rev().take_while(|f| f.lost) {
+            frame.keyframe = self.keyframe;
+            frame.keyframe_from_body = now.between(&frame.keyframe_from_body);
         }
     }
 }

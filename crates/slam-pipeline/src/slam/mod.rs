@@ -161,6 +161,8 @@ struct State {
 struct FrameAnchor {
     keyframe: u32,
     keyframe_from_body: Se2,
+    /// Whether the robot was lost.
+    lost: bool,
 }
 
 impl Slam {

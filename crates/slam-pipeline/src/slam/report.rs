@@ -58,7 +58,7 @@ pub enum Tracking {
     Tracking,
     /// The images show nothing of the map where it is expected: the pose is that of the odometry, its covariance grows.
     Lost,
-    /// The robot was found again in the map with this frame.
+    /// The robot was found in the map by its looks with this frame; how it came there is not known.
     Relocalised,
 }
 

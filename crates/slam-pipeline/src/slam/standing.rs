@@ -53,13 +53,9 @@ impl Slam {
 
     /// The map is seen: a robot that was lost stands where odometry puts it, unless it was moved and has mapped on.
     fn follow(&self, standing: &mut Standing<'_>) {
-        match self.state.lost {
-            None => {}
-            Some(before) if before.mapping => {
-                standing.lost = Some(before);
-                standing.tracking = Tracking::Lost;
-            }
-            Some(_) => standing.tracking = Tracking::Relocalised,
+        if let Some(before) = self.state.lost.filter(|l| l.mapping) {
+            standing.lost = Some(before);
+            standing.tracking = Tracking::Lost;
         }
     }
 
