@@ -20,14 +20,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-const BITS: u32 = 4;
-const WIDTH: usize = 1 << BITS;
+pub(crate) const BITS: u32 = 4;
+pub(crate) const WIDTH: usize = 1 << BITS;
 
 /// A persistent map from `u32` ids to `T`; `clone` is O(1), and a write copies only what it touches.
 pub struct CowMap<T> {
-    root: Option<Arc<Node<T>>>,
+    pub(crate) root: Option<Arc<Node<T>>>,
     /// Branch levels above the leaves; ids below 16^(height + 1) have a place.
-    height: u32,
+    pub(crate) height: u32,
     len: usize,
 }
 
@@ -42,7 +42,7 @@ pub struct SharedLeaves {
     pub own_bytes: usize,
 }
 
-enum Node<T> {
+pub(crate) enum Node<T> {
     Leaf([Option<T>; WIDTH]),
     Branch([Option<Arc<Self>>; WIDTH]),
 }

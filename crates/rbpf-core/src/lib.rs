@@ -74,6 +74,7 @@ mod error;
 mod filter;
 mod history;
 mod kld;
+mod landmark_changes;
 mod landmark_map;
 mod log_weights;
 mod parallel;

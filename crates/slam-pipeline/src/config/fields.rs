@@ -509,6 +509,15 @@ pub const FIELDS: &[Field] = &[
         |c| c.mapping.max_new.into(),
     ),
     field(
+        "mapping",
+        "max_landmarks",
+        "",
+        50.0,
+        10_000_000.0,
+        "landmarks of the map; beyond it the least used ones out of view leave. About 0.8 kB each",
+        |c| c.mapping.max_landmarks.into(),
+    ),
+    field(
         "keyframes",
         "min_parallax_px",
         "px",

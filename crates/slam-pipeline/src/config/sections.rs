@@ -140,6 +140,8 @@ pub struct MappingSection {
     pub tentative_keyframes: u32,
     /// Tentative features started per keyframe.
     pub max_new: u32,
+    /// Landmarks of the map beyond which the least used ones leave.
+    pub max_landmarks: u32,
 }
 
 /// `[keyframes]`
@@ -287,6 +289,7 @@ impl Default for MappingSection {
             min_parallax: 0.02,
             tentative_keyframes: 3,
             max_new: 300,
+            max_landmarks: 100_000,
         }
     }
 }

@@ -219,6 +219,32 @@ impl PoseLinearisation {
         }
     }
 
+    /// The camera of the mean pose.
+    #[must_use]
+    pub(crate) fn mean_camera(&self) -> &PlacedCamera {
+        &self.mean
+    }
+
+    /// How far the cameras of the sigma points are from the mean camera: the largest Frobenius norm of a difference of their
+    /// rotations, and the largest distance between their centres.
+    #[must_use]
+    pub(crate) fn spread(&self) -> (f64, f64) {
+        let (mut turned, mut moved) = (0.0_f64, 0.0_f64);
+        for lane in 0..SIGMA {
+            let mut squared = 0.0;
+            for row in 0..3 {
+                for column in 0..3 {
+                    let mean = self.mean.camera_from_world[(row, column)];
+                    squared += (self.rotation[3 * row + column][lane] - mean).powi(2);
+                }
+            }
+            turned = turned.max(squared.sqrt());
+            let [x, y, z] = [0, 1, 2].map(|row| self.shift[row][lane]);
+            moved = moved.max(x.hypot(y).hypot(z));
+        }
+        (turned, moved)
+    }
+
     /// Pixels without principal point of a direction seen from the sigma points, of which `rate` times the way is taken
     /// off; `None` unless all see it.
     #[inline]

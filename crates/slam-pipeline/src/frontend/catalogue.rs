@@ -6,6 +6,7 @@
 //!
 //! A keyframe collects its changes in a [`CatalogueUpdate`] and applies them at its end.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use feature_kdtree::{
@@ -13,9 +14,14 @@ use feature_kdtree::{
 };
 use nalgebra::{Vector2, Vector3};
 
+use rbpf_core::CowMap;
+
 use super::existence::Existence;
+use super::frustum::Frustum;
+use super::view_index::ViewIndex;
 use crate::filter::landmark::{Landmark, Parametrisation};
 use crate::filter::observation::Sighting;
+use crate::filter::particle::Particle;
 use crate::known_map::KnownLandmark;
 use crate::method::DescriptorSearch;
 
@@ -104,11 +110,22 @@ pub(crate) struct CatalogueUpdate {
     pub(crate) forget_before: u32,
 }
 
+/// What follows from the entries and the map of the reference particle.
+#[derive(Debug, Clone, Default)]
+struct Index {
+    /// Ids of the tentative features.
+    tentative: BTreeSet<u32>,
+    /// Landmarks of the map by groups.
+    view: ViewIndex,
+}
+
 /// All landmarks and tentative features, by id.
 #[derive(Debug, Clone)]
 pub(crate) struct Catalogue {
     entries: BTreeMap<u32, Entry>,
     next_id: u32,
+    /// What would otherwise be found by a look at every entry; `None` until [`Self::follow`] makes it.
+    index: Option<Index>,
     /// Looks of all entries, where the method searches the whole map.
     forest: Option<KdForest>,
 }
@@ -122,6 +139,7 @@ impl Catalogue {
         Ok(Self {
             entries: BTreeMap::new(),
             next_id: 0,
+            index: Some(Index::default()),
             forest: match search {
                 DescriptorSearch::InView => None,
                 DescriptorSearch::WholeMapForest => Some(KdForest::new(KdForestParams::default())?),
@@ -129,9 +147,53 @@ impl Catalogue {
         })
     }
 
+    /// Learns the map of the reference particle, so that [`Self::candidates`] is quick for it. O(what has changed).
+    pub(crate) fn follow(&mut self, map: &CowMap<Landmark>) {
+        let entries = &self.entries;
+        let index = self.index.get_or_insert_with(|| Index {
+            tentative: tentative_among(entries),
+            view: ViewIndex::default(),
+        });
+        index.view.follow(map);
+    }
+
+    /// The landmarks and tentative features that may be in view of `frustum`, in order of id: all that are in view, and
+    /// others. Quick for a `reference` whose map is followed; for another one these are all.
+    #[must_use]
+    pub(crate) fn candidates(&self, reference: &Particle, frustum: &Frustum) -> Vec<u32> {
+        match &self.index {
+            Some(index) if index.view.follows(&reference.map) => {
+                let mut ids: Vec<u32> = index.tentative.iter().copied().collect();
+                index.view.candidates(reference, frustum, &mut ids);
+                ids.sort_unstable();
+                ids.dedup();
+                ids
+            }
+            _ => self.entries.keys().copied().collect(),
+        }
+    }
+
+    /// Ids of the tentative features, ascending.
+    fn tentative(&self) -> Cow<'_, BTreeSet<u32>> {
+        self.index.as_ref().map_or_else(
+            || Cow::Owned(tentative_among(&self.entries)),
+            |index| Cow::Borrowed(&index.tentative),
+        )
+    }
+
     /// Entries in order of id.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, &Entry)> {
         self.entries.iter().map(|(id, e)| (*id, e))
+    }
+
+    /// The landmarks of the maps in order of id, beginning at `start` (counted around the ids given out) and going round.
+    pub(crate) fn mapped_from(&self, start: u32) -> impl Iterator<Item = (u32, &Entry)> {
+        let start = start % self.next_id.max(1);
+        self.entries
+            .range(start..)
+            .chain(self.entries.range(..start))
+            .filter(|(_, e)| e.stage == Stage::Mapped)
+            .map(|(id, e)| (*id, e))
     }
 
     /// The entry `id`.
@@ -145,13 +207,10 @@ impl Catalogue {
         self.next_id..
     }
 
-    /// Number of landmarks in the maps.
+    /// Number of landmarks in the maps. O(1) once a map is followed.
     #[must_use]
     pub(crate) fn mapped(&self) -> usize {
-        self.entries
-            .values()
-            .filter(|e| e.stage == Stage::Mapped)
-            .count()
+        self.entries.len() - self.tentative().len()
     }
 
     /// The forest over the descriptors of all entries; `None` where the method does not search the whole map.
@@ -195,6 +254,20 @@ impl Catalogue {
     /// Applies the changes of a keyframe; `forest` is that of [`Catalogue::forest_after`].
     pub(crate) fn apply(&mut self, update: CatalogueUpdate, forest: Option<KdForest>) {
         let forgotten = self.forgotten(&update);
+        if let Some(index) = &mut self.index {
+            for id in update
+                .promoted
+                .iter()
+                .chain(&update.removed)
+                .chain(&forgotten)
+            {
+                index.tentative.remove(id);
+            }
+            let first = self.next_id;
+            index
+                .tentative
+                .extend(first..first + update.new.len() as u32);
+        }
         for id in update.missed {
             if let Some(entry) = self.entries.get_mut(&id) {
                 entry.existence = entry.existence.missed();
@@ -280,11 +353,14 @@ impl Catalogue {
             .map(|seen| seen.id)
             .chain(update.promoted.iter().copied())
             .collect();
-        self.entries
+        let is_over = |id: &u32| {
+            let entry = self.entries.get(id);
+            entry.is_some_and(|e| e.last.keyframe < update.forget_before)
+        };
+        self.tentative()
             .iter()
-            .filter(|(_, e)| e.stage == Stage::Tentative && e.last.keyframe < update.forget_before)
-            .map(|(id, _)| *id)
-            .filter(|id| !kept.contains(id))
+            .copied()
+            .filter(|id| is_over(id) && !kept.contains(id))
             .collect()
     }
 
@@ -293,4 +369,12 @@ impl Catalogue {
     pub(crate) fn restart_identities(&mut self) {
         self.next_id = 0;
     }
+}
+
+fn tentative_among(entries: &BTreeMap<u32, Entry>) -> BTreeSet<u32> {
+    entries
+        .iter()
+        .filter(|(_, e)| e.stage == Stage::Tentative)
+        .map(|(id, _)| *id)
+        .collect()
 }

@@ -48,6 +48,12 @@ impl Existence {
         }
     }
 
+    /// Whether the landmark is as likely there as gone, or more.
+    #[must_use]
+    pub(crate) fn is_likely(self) -> bool {
+        self.log_odds >= 0.0
+    }
+
     /// Whether the landmark is believed gone.
     #[must_use]
     pub(crate) fn is_gone(self) -> bool {

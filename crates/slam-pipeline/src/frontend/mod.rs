@@ -1,8 +1,8 @@
 //! From keypoints to matched landmarks.
 //!
 //! Reading order: [`frame`] (the keypoints of a frame, undistorted), [`catalogue`] (the landmarks as all particles
-//! share them), [`existence`] (the belief that a landmark is still there), [`gate`], [`prediction`], [`matching`],
-//! [`consensus`], [`missed`], and [`associate`], which runs them in this order.
+//! share them), [`existence`] (the belief that a landmark is still there), [`frustum`] and [`view_index`] (which of them may
+//! be in view), [`gate`], [`prediction`], [`matching`], [`consensus`], [`missed`], and [`associate`], which runs them in this order.
 
 pub(crate) mod associate;
 pub(crate) mod association;
@@ -10,6 +10,7 @@ pub(crate) mod catalogue;
 pub(crate) mod consensus;
 pub(crate) mod existence;
 pub(crate) mod frame;
+pub(crate) mod frustum;
 pub(crate) mod gate;
 pub(crate) mod matching;
 pub(crate) mod missed;
@@ -17,3 +18,4 @@ pub(crate) mod nearby;
 pub(crate) mod prediction;
 #[cfg(test)]
 mod tests;
+pub(crate) mod view_index;

@@ -4,6 +4,7 @@ use mono_geometry::{Pinhole, PlacedCamera};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::catalogue::{Catalogue, Entry, Stage};
+use super::frustum::Frustum;
 use crate::filter::landmark::Landmark;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior};
 use crate::filter::motion::MotionPrior;
@@ -93,7 +94,8 @@ impl Predicted<'_> {
     }
 }
 
-/// Predicts every landmark and tentative feature from `reference` under `prior`; those in view, by id.
+/// Predicts the landmarks and tentative features from `reference` under `prior`; those in view, by id. Landmarks that
+/// cannot be in view are passed over by groups.
 ///
 /// The innovation covariance holds the pose prior, the landmark and a pixel noise of `sigma_px`.
 #[must_use]
@@ -106,8 +108,12 @@ pub(crate) fn predict<'a>(
 ) -> InView<'a> {
     let image_size = rig.image_size_px();
     let linearisation = PoseLinearisation::new(rig, prior, &PosePosterior::prior());
+    let frustum = Frustum::new(rig, &linearisation);
     let mut landmarks = Vec::new();
-    for (id, entry) in catalogue.iter() {
+    for id in catalogue.candidates(reference, &frustum) {
+        let Some(entry) = catalogue.get(id) else {
+            continue;
+        };
         let landmark = match entry.stage {
             Stage::Mapped => reference.map.get(id),
             Stage::Tentative => Some(&entry.prototype),

@@ -60,6 +60,8 @@ impl Slam {
         self.remember_places(&keyframe.catalogue);
         let state = &mut self.state;
         state.catalogue.apply(keyframe.catalogue, keyframe.forest);
+        let set = state.filter.set();
+        state.catalogue.follow(&set.particles()[set.best()].map);
         let estimate = self.estimate(keyframe.support.as_ref(), &keyframe.control);
         let state = &mut self.state;
         state.last = estimate;

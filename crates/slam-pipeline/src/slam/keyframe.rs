@@ -75,7 +75,7 @@ impl Slam {
         } else {
             missed_landmarks(&seen.association, |entry| self.is_old(entry))
         };
-        let removed: Vec<u32> = missed
+        let mut removed: Vec<u32> = missed
             .iter()
             .copied()
             .filter(|id| {
@@ -85,6 +85,9 @@ impl Slam {
                     .is_some_and(|e| e.existence.missed().is_gone())
             })
             .collect();
+        if !frozen {
+            removed.extend(self.over_budget(&seen.association.in_view));
+        }
         let mut matches: Vec<_> = seen.association.inliers.iter().map(|p| p.feature).collect();
         spread_scoring(
             &mut matches,

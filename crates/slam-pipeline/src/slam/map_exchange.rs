@@ -123,6 +123,7 @@ impl Slam {
             slam.state.catalogue.insert_known(l, &pixel);
             slam.state.places.insert(l.id, &l.descriptor)?;
         }
+        slam.state.catalogue.follow(&landmarks);
         let positions: Vec<_> = map
             .keyframes
             .iter()

@@ -5,6 +5,7 @@
     reason = "a helper that cannot go on fails its test"
 )]
 
+mod budget;
 mod drive;
 mod frame_loop;
 mod old_places;
