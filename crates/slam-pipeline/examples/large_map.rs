@@ -6,7 +6,6 @@
 
 use std::time::Instant;
 
-#[expect(dead_code, reason = "shared with the bench, which uses all of it")]
 #[path = "../benches/large_map/mod.rs"]
 mod large_map;
 

@@ -8,6 +8,10 @@ use super::{Slam, SlamError, Tracking};
 use crate::frontend::frame::FrameFeatures;
 use crate::odometry::Control;
 
+/// A robot that sees nothing stands while it has moved and turned by less than this since the last keyframe.
+const LEAST_MOVED_M: f64 = 0.1;
+const LEAST_TURNED_RAD: f64 = 0.1;
+
 /// A frame with the state that it is judged from.
 pub(super) struct Standing<'a> {
     pub(super) ground: Ground,
@@ -93,13 +97,23 @@ impl Slam {
             return false;
         }
         let changed = standing.lost.map(|l| l.mapping) != state.lost.map(|l| l.mapping);
-        state.keyframe == 0
-            || changed
-            || self.keyframes.wants(self.keyframe_cues(
-                standing.ground.reference(),
-                &standing.seen.control,
-                &standing.seen.association,
-            ))
+        if state.keyframe == 0 || changed {
+            return true;
+        }
+        let seen = &standing.seen;
+        // A frame that shows nothing at all tells nothing and starts nothing: while the robot stands it is not worth a place
+        // in every path.
+        if seen.association.inliers.is_empty() && seen.frame.features.keypoints.is_empty() {
+            let control = &seen.control;
+            let moved = control.distance_m > LEAST_MOVED_M
+                || control.increment.phi.abs() > LEAST_TURNED_RAD;
+            return moved && control.dt_s >= self.keyframes.max_gap_s;
+        }
+        self.keyframes.wants(self.keyframe_cues(
+            standing.ground.reference(),
+            &seen.control,
+            &seen.association,
+        ))
     }
 
     /// Moves the path where an old place shows that it has drifted.

@@ -34,16 +34,11 @@ fn wander(rng: &mut ChaCha8Rng) -> CameraPose {
     pose
 }
 
-fn add_keyframe(particle: &mut Particle, rng: &mut ChaCha8Rng) {
-    let pose = wander(rng);
-    let camera = place(&pose);
-    let body = particle.metric.body(pose.phi);
-    particle.path.push(Keyframe {
+fn keyframe(pose: CameraPose) -> Keyframe {
+    Keyframe {
         pose,
-        camera,
-        body,
-        scale: 1.0,
-    });
+        camera: place(&pose),
+    }
 }
 
 /// Parameters of every kind: near, far, at infinity, past it, on the image and beyond its edge.
@@ -79,15 +74,15 @@ fn landmark(rng: &mut ChaCha8Rng, anchor: u32, points: bool) -> Landmark {
 fn world(rng: &mut ChaCha8Rng, points: bool) -> World {
     let mut catalogue = Catalogue::new(DescriptorSearch::InView).unwrap();
     let mut particle = particle(pose(0.0, 0.0, 0.0));
-    for keyframe in 0..60 {
-        add_keyframe(&mut particle, rng);
+    for number in 0..60 {
+        particle.path.push(keyframe(wander(rng)));
         let first = catalogue.next_identities().next().unwrap();
         let new: Vec<NewFeature> = (0..14)
             .map(|_| NewFeature {
                 descriptor: core::array::from_fn(|_| rng.random()),
-                prototype: landmark(rng, keyframe, false),
+                prototype: landmark(rng, number, false),
                 sighting: Sighting {
-                    keyframe,
+                    keyframe: number,
                     pixel: Vector2::new(10.0, 20.0),
                 },
             })
@@ -101,7 +96,7 @@ fn world(rng: &mut ChaCha8Rng, points: bool) -> World {
         );
         let promoted: Vec<u32> = (first..first + 11).collect();
         for id in &promoted {
-            let landmark = landmark(rng, keyframe, points);
+            let landmark = landmark(rng, number, points);
             let _ = particle.map.insert(*id, landmark);
         }
         catalogue.apply(
@@ -213,13 +208,8 @@ fn the_index_follows_updates_removals_corrected_paths_and_other_particles() {
                 // A path driven again: the map is the same memory, the anchors are elsewhere.
                 let mut corrected = world.particle.clone();
                 corrected.path = rbpf_core::PersistentPath::new();
-                for keyframe in world.particle.path.iter() {
-                    let pose = near(&mut rng, &keyframe.pose);
-                    corrected.path.push(Keyframe {
-                        pose,
-                        camera: place(&pose),
-                        ..*keyframe
-                    });
+                for before in world.particle.path.iter() {
+                    corrected.path.push(keyframe(near(&mut rng, &before.pose)));
                 }
                 world.particle = corrected;
                 let _ = compare(&world, &naive, &mut rng);
