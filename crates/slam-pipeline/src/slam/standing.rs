@@ -9,8 +9,8 @@ use crate::frontend::frame::FrameFeatures;
 use crate::odometry::Control;
 
 /// A robot that sees nothing stands while it has moved and turned by less than this since the last keyframe.
-const LEAST_MOVED_M: f64 = 0.1;
-const LEAST_TURNED_RAD: f64 = 0.1;
+const LEAST_MOVED_M: f64 = 0.02;
+const LEAST_TURNED_RAD: f64 = 0.05;
 
 /// A frame with the state that it is judged from.
 pub(super) struct Standing<'a> {
@@ -103,11 +103,13 @@ impl Slam {
         let seen = &standing.seen;
         // A frame that shows nothing at all tells nothing and starts nothing: while the robot stands it is not worth a place
         // in every path.
-        if seen.association.inliers.is_empty() && seen.frame.features.keypoints.is_empty() {
-            let control = &seen.control;
-            let moved = control.distance_m > LEAST_MOVED_M
-                || control.increment.phi.abs() > LEAST_TURNED_RAD;
-            return moved && control.dt_s >= self.keyframes.max_gap_s;
+        let control = &seen.control;
+        let stands =
+            control.distance_m < LEAST_MOVED_M && control.increment.phi.abs() < LEAST_TURNED_RAD;
+        let shows_nothing =
+            seen.association.inliers.is_empty() && seen.frame.features.keypoints.is_empty();
+        if stands && shows_nothing {
+            return false;
         }
         self.keyframes.wants(self.keyframe_cues(
             standing.ground.reference(),
