@@ -14,7 +14,7 @@ use crate::filter::particle::Keyframe;
 use crate::filter::pose::CameraPose;
 use crate::filter::tests::common::*;
 use crate::frontend::catalogue::{Catalogue, CatalogueUpdate, NewFeature};
-use crate::frontend::prediction::{InView, predict};
+use crate::frontend::prediction::{InView, Predicted, predict};
 use crate::method::DescriptorSearch;
 
 /// Half the edge of the area that the path wanders through, in units.
@@ -130,19 +130,13 @@ fn prior(rng: &mut ChaCha8Rng) -> MotionPrior {
 }
 
 /// Everything that is told of the landmarks in view, to the last bit.
-fn told(in_view: &InView<'_>) -> Vec<(u32, [u64; 2], [u64; 4], [u64; 3])> {
-    in_view
-        .landmarks()
-        .iter()
-        .map(|(id, p)| {
-            (
-                *id,
-                [0, 1].map(|i| p.pixel[i].to_bits()),
-                [0, 1, 2, 3].map(|i| p.covariance[i].to_bits()),
-                [0, 1, 2].map(|i| p.direction[i].to_bits()),
-            )
-        })
-        .collect()
+fn told(in_view: &InView<'_>) -> Vec<(u32, Vec<u64>)> {
+    let numbers = |p: &Predicted<'_>| -> Vec<u64> {
+        let values = p.pixel.iter().chain(&p.covariance).chain(&p.direction);
+        values.map(|v| v.to_bits()).collect()
+    };
+    let landmarks = in_view.landmarks().iter();
+    landmarks.map(|(id, p)| (*id, numbers(p))).collect()
 }
 
 /// Compares the index with a look at every landmark; returns the numbers in view, looked at, and in all.
