@@ -97,7 +97,7 @@ pub(crate) fn map(rig: &Rig, landmarks: usize, rows_of: usize) -> KnownMap {
     known
 }
 
-/// What the robot sees at frame `frame`: the landmarks of the first row, with half a pixel of noise.
+/// The features of frame `frame`: the landmarks of the first row, with half a pixel of noise.
 pub(crate) fn frame(rig: &Rig, map: &KnownMap, frame: usize) -> Features {
     let mut rng = ChaCha8Rng::seed_from_u64(1_000_000 + frame as u64);
     let at = Se2::new(STEP_M * BEGIN as f64 + FRAME_M * frame as f64, 0.0, 0.0);

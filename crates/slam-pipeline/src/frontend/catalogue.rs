@@ -110,7 +110,7 @@ pub(crate) struct CatalogueUpdate {
     pub(crate) forget_before: u32,
 }
 
-/// What follows from the entries and the map of the reference particle.
+/// Everything that follows from the entries and the map of the reference particle.
 #[derive(Debug, Clone, Default)]
 struct Index {
     /// Ids of the tentative features.
@@ -124,7 +124,7 @@ struct Index {
 pub(crate) struct Catalogue {
     entries: BTreeMap<u32, Entry>,
     next_id: u32,
-    /// What would otherwise be found by a look at every entry; `None` until [`Self::follow`] makes it.
+    /// Answers that would otherwise need a look at every entry; `None` until [`Self::follow`] makes it.
     index: Option<Index>,
     /// Looks of all entries, where the method searches the whole map.
     forest: Option<KdForest>,

@@ -1,4 +1,4 @@
-//! What a camera of uncertain pose may see, by boxes.
+//! The landmarks that a camera of uncertain pose may see, by boxes.
 //!
 //! The direction to a landmark in camera axes is affine in its three parameters, q = o + B m
 //! ([`mono_geometry::inverse_depth::LandmarkView`]), for an anchored inverse depth as for a point. A pixel lies right of the

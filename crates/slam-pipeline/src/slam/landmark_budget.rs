@@ -1,7 +1,7 @@
 //! The budget of the map: how many landmarks it may hold, and which leave when there are more.
 //!
-//! What a landmark is worth is what it has been used for: the number of its sightings over the keyframes that have passed
-//! since the last one. A landmark that is more likely gone than there is worth less than any other. Landmarks in view stay,
+//! A landmark is worth what it has been used for: the number of its sightings over the keyframes that have passed since the
+//! last one. A landmark that is more likely gone than there is worth less than any other. Landmarks in view stay,
 //! whatever they are worth: the pose hangs on them.
 //!
 //! A keyframe looks at a few landmarks only, from a place in the catalogue that is another one every time, and takes the
