@@ -64,7 +64,10 @@ pub(crate) fn map(rig: &Rig, landmarks: usize, rows_of: usize) -> KnownMap {
     let mut known = KnownMap {
         camera: rig.camera,
         keyframes: Vec::with_capacity(count),
-        errors: KnownErrors::default(),
+        errors: KnownErrors {
+            keyframes: vec![0],
+            rows: vec![vec![Matrix3::identity() * 1e-6]],
+        },
         landmarks: Vec::with_capacity(landmarks),
     };
     for keyframe in 0..count {
