@@ -63,11 +63,18 @@
 //! after an error, so everything large in a particle belongs behind [`CowMap`],
 //! [`PersistentPath`] or `Arc`.
 //!
-//! # Guarantees
+//! # Guarantees, and one that is not given
 //!
 //! Results do not depend on the number of threads: random numbers are keyed by the particle, and
 //! every reduction runs in particle order. After an error the filter is what it was before the step.
-//! Weights are logarithms throughout, so a frame with a hundred measurements does not underflow.
+//! Weights are logarithms throughout, so a frame with a hundred measurements does not underflow; they sum to one for
+//! log increments of any finite size.
+//!
+//! The spread of the particles is **not** the covariance of an estimate. It lacks the covariances that the particles carry
+//! in closed form (add their mean: the law of total variance), and it lacks the past: resampling leaves one path
+//! before the common ancestor, so an error made there is in no particle any more. [`StepReport::common_ancestor_age`] tells
+//! how old that path is. Carry the uncertainty of the past beside the set; the README shows a robot whose particles
+//! are sure of a position that is off by the error of its first step.
 
 mod diagnostics;
 mod error;

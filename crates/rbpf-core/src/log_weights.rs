@@ -7,30 +7,31 @@
 //! log sum_i exp(l_i) = m + log sum_i exp(l_i - m),   m = max_i l_i
 //! ```
 //!
-//! and the effective number of particles (section II.C of the paper), N_eff = 1 / sum w_i^2 for
-//! normalised w, comes from the logarithms without normalising them first:
-//! log N_eff = 2 lse(l) - lse(2 l). Adding a constant to all l_i changes neither.
+//! A normalised weight is (l_i - m) - log sum_i exp(l_i - m), in this order: beyond 1e16 the sum
+//! m + log(...) rounds to m, and every weight of a tie would come out as one. The effective number
+//! of particles (section II.C of the paper), N_eff = 1 / sum w_i^2 for normalised w, comes from the
+//! logarithms without normalising them first: log N_eff = 2 lse(l) - lse(2 l). Adding a constant to
+//! all l_i changes neither.
 //!
 //! Degenerate cases: -inf is a legal weight of zero; a set of zeros only, or any NaN or
 //! +inf, is an error, because there is no distribution to go on with. Sums run in index order.
 
 use crate::error::RbpfError;
 
-/// Logarithm of the sum of exponentials: -inf for an empty slice or for zeros only, NaN if any entry is
-/// NaN. O(n), exact to a few units in the last place times log n.
-pub(crate) fn log_sum_exp(log_values: &[f64]) -> f64 {
-    let mut largest = f64::NEG_INFINITY;
-    for &value in log_values {
-        if value.is_nan() {
-            return f64::NAN;
-        }
-        largest = largest.max(value);
+/// log sum_i exp(l_i) in two parts, so that what is small beside the largest is not rounded away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LogSum {
+    /// m, the largest of the l_i; finite.
+    largest: f64,
+    /// log sum_i exp(l_i - m), between 0 and log n.
+    rest: f64,
+}
+
+impl LogSum {
+    /// The log weight less the sum: first the largest, then the rest.
+    fn taken_from(self, log_weight: f64) -> f64 {
+        (log_weight - self.largest) - self.rest
     }
-    if largest.is_infinite() {
-        return largest;
-    }
-    let sum: f64 = log_values.iter().map(|value| (value - largest).exp()).sum();
-    largest + sum.ln()
 }
 
 /// Normalises log weights in place, so that their exponentials sum to one, and returns the
@@ -41,11 +42,47 @@ pub(crate) fn log_sum_exp(log_values: &[f64]) -> f64 {
 /// [`RbpfError::NoParticles`] for an empty slice, [`RbpfError::DegenerateWeights`] if any weight
 /// is NaN or +inf or all are -inf; the slice is then unchanged.
 pub(crate) fn normalize(log_weights: &mut [f64]) -> Result<f64, RbpfError> {
-    let log_evidence = checked_log_sum(log_weights)?;
+    let sum = checked_log_sum(log_weights)?;
     for weight in log_weights {
-        *weight -= log_evidence;
+        *weight = sum.taken_from(*weight);
     }
-    Ok(log_evidence)
+    Ok(sum.largest + sum.rest)
+}
+
+/// Adds increments to normalised log weights, normalises them again, and returns the logarithm of the sum
+/// between, log sum_i w_i exp(increment_i). The largest increment of a particle that is still there comes off
+/// first: a weight of -3 is not lost beside an increment of -1e17, and no sum overflows. The two are of one length.
+///
+/// # Errors
+/// As [`normalize`], for the sums; the weights are then unchanged.
+pub(crate) fn reweight(
+    log_weights: &mut Vec<f64>,
+    log_increments: &[f64],
+) -> Result<f64, RbpfError> {
+    let shift = log_weights
+        .iter()
+        .zip(log_increments)
+        .filter(|(weight, _)| **weight > f64::NEG_INFINITY)
+        .map(|(_, increment)| *increment)
+        .fold(f64::NEG_INFINITY, f64::max);
+    // an increment of +inf, or none that is left, is told by the sums themselves
+    let shift = if shift.is_finite() { shift } else { 0.0 };
+    let mut sums: Vec<f64> = log_weights
+        .iter()
+        .zip(log_increments)
+        .map(|(weight, increment)| {
+            let gone = *weight == f64::NEG_INFINITY && *increment < f64::INFINITY;
+            // what is gone stays gone: its increment less the shift may overflow
+            if gone {
+                *weight
+            } else {
+                weight + (increment - shift)
+            }
+        })
+        .collect();
+    let log_sum = normalize(&mut sums)?;
+    *log_weights = sums;
+    Ok(shift + log_sum)
 }
 
 /// Effective number of particles, 1 / sum w_i^2, between 1 and n. The log weights need not be
@@ -74,14 +111,14 @@ pub(crate) fn effective_count(log_weights: &[f64]) -> f64 {
 /// # Errors
 /// As [`normalize`].
 pub(crate) fn linear_weights(log_weights: &[f64]) -> Result<Vec<f64>, RbpfError> {
-    let log_sum = checked_log_sum(log_weights)?;
+    let sum = checked_log_sum(log_weights)?;
     Ok(log_weights
         .iter()
-        .map(|log_weight| (log_weight - log_sum).exp())
+        .map(|log_weight| sum.taken_from(*log_weight).exp())
         .collect())
 }
 
-fn checked_log_sum(log_weights: &[f64]) -> Result<f64, RbpfError> {
+fn checked_log_sum(log_weights: &[f64]) -> Result<LogSum, RbpfError> {
     if log_weights.is_empty() {
         return Err(RbpfError::NoParticles);
     }
@@ -104,7 +141,18 @@ fn checked_log_sum(log_weights: &[f64]) -> Result<f64, RbpfError> {
             infinite,
         });
     }
-    Ok(log_sum_exp(log_weights))
+    let largest = log_weights
+        .iter()
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = log_weights
+        .iter()
+        .map(|weight| (weight - largest).exp())
+        .sum();
+    Ok(LogSum {
+        largest,
+        rest: sum.ln(),
+    })
 }
 
 #[cfg(test)]
@@ -135,7 +183,6 @@ mod tests {
         assert_eq!(weights, [f64::NEG_INFINITY, 0.0]);
         assert_eq!(effective_count(&weights), 1.0);
         assert_eq!(effective_count(&[f64::NEG_INFINITY; 3]), 0.0);
-        assert_eq!(log_sum_exp(&[]), f64::NEG_INFINITY);
     }
 
     #[test]
@@ -164,7 +211,6 @@ mod tests {
         assert_eq!(normalize(&mut []), Err(RbpfError::NoParticles));
         assert!(effective_count(&[0.0, f64::NAN]).is_nan());
         assert!(effective_count(&[f64::NAN, f64::NEG_INFINITY]).is_nan());
-        assert!(log_sum_exp(&[f64::NAN, f64::INFINITY]).is_nan());
     }
 
     proptest! {
@@ -176,12 +222,11 @@ mod tests {
         ) {
             let shifted: Vec<f64> = weights.iter().map(|w| w + shift).collect();
             // the shift itself rounds each weight by eps * 1e4
-            prop_assert!((log_sum_exp(&shifted) - log_sum_exp(&weights) - shift).abs() < 1e-10);
             let (a, b) = (effective_count(&weights), effective_count(&shifted));
             prop_assert!((a - b).abs() < 1e-10 * a);
             let (mut a, mut b) = (weights, shifted);
-            normalize(&mut a).unwrap();
-            normalize(&mut b).unwrap();
+            let before = normalize(&mut a).unwrap();
+            prop_assert!((normalize(&mut b).unwrap() - before - shift).abs() < 1e-10);
             for (a, b) in a.iter().zip(&b) {
                 prop_assert!((a - b).abs() < 1e-10);
             }

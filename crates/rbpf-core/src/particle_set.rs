@@ -6,7 +6,7 @@
 
 use crate::diagnostics::check_ancestors;
 use crate::error::RbpfError;
-use crate::log_weights::{effective_count, linear_weights, normalize};
+use crate::log_weights::{self, effective_count, linear_weights, normalize};
 
 /// Particles with normalised log weights. A set is never empty.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,20 +115,15 @@ impl<P> ParticleSet<P> {
     }
 
     /// Adds the increments of a frame to the log weights and normalises them. Returns the logarithm of
-    /// the frame's evidence, log sum w_{t-1} exp(increment).
+    /// the frame's evidence, log sum w_{t-1} exp(increment). Increments of any finite size are taken: the
+    /// weights depend on their differences only, and sum to one to within rounding.
     ///
     /// # Errors
     /// [`RbpfError::LengthMismatch`], or [`RbpfError::DegenerateWeights`] if an increment is NaN or +inf
     /// or no weight is left. The set is then unchanged.
     pub fn reweight(&mut self, log_increments: &[f64]) -> Result<f64, RbpfError> {
         check_length("weight increments", log_increments.len(), self.len())?;
-        let mut log_weights = self.log_weights.clone();
-        for (weight, increment) in log_weights.iter_mut().zip(log_increments) {
-            *weight += increment;
-        }
-        let log_evidence = normalize(&mut log_weights)?;
-        self.log_weights = log_weights;
-        Ok(log_evidence)
+        log_weights::reweight(&mut self.log_weights, log_increments)
     }
 
     /// Replaces the set by copies of `ancestors`, one for each, with equal weights.
@@ -150,6 +145,10 @@ impl<P> ParticleSet<P> {
     }
 
     /// Weighted mean of a number per particle, summed in slot order.
+    ///
+    /// The weighted mean square about it is the spread of the particles and not the covariance of the estimate, which
+    /// is larger: it lacks what each particle carries in closed form, and all that happened before the particles'
+    /// common ancestor ("Guarantees, and one that is not given" in the crate's documentation).
     ///
     /// # Errors
     /// [`RbpfError::DegenerateWeights`], which a valid set never meets.

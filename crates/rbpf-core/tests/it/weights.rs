@@ -1,10 +1,12 @@
-//! Weights are carried from frame to frame.
+//! Weights are carried from frame to frame, and sum to one whatever their size.
 
-use rand::RngExt;
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rbpf_core::{
-    FilterConfig, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal, Streams,
+    FilterConfig, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal, RbpfError,
+    Resampler, Streams,
 };
 use std::convert::Infallible;
 
@@ -74,5 +76,138 @@ fn dropping_the_previous_weight_fails() {
     // a constant on all log weights: eps * 1e4 on each, over weights that sum to one
     for shift in [-1e4, 1e4] {
         assert!((estimate(1, shift, false) - estimate(1, 0.0, false)).abs() < 1e-10);
+    }
+}
+
+/// The sum of the log weights was formed before it was taken off: beyond 1e16 its logarithm of four was rounded
+/// away, and each of four equal particles had the weight one.
+#[test]
+fn regress_weights_sum_to_one_for_increments_beyond_1e16() {
+    for increment in [-1e17, 1e17, -1e300, f64::MIN, f64::MAX] {
+        let mut set = ParticleSet::new(vec![(); 4]).expect("four particles");
+        let log_evidence = set.reweight(&[increment; 4]).expect("finite increments");
+        assert_eq!(set.weights(), vec![0.25; 4], "{increment:e}");
+        assert_eq!(log_evidence, increment);
+        assert_eq!(set.weighted_mean(|()| 1.0), Ok(1.0));
+        // the same by the other door
+        let origins = (0..4).collect();
+        let set = ParticleSet::from_parts(vec![(); 4], vec![increment; 4], origins);
+        assert_eq!(set.expect("finite weights").weights(), vec![0.25; 4]);
+    }
+}
+
+/// A weight was lost beside an increment beyond 1e16: a particle of a thousandth came out as likely as one of all.
+#[test]
+fn regress_earlier_weights_survive_an_increment_beyond_1e16() {
+    let logs = vec![0.999_f64.ln(), 0.001_f64.ln()];
+    let mut set = ParticleSet::from_parts(vec![(); 2], logs, vec![0, 1]).expect("two particles");
+    set.reweight(&[-1e17, -1e17]).expect("finite increments");
+    let weights = set.weights();
+    assert!((weights[0] - 0.999).abs() < 1e-15 && (weights[1] - 0.001).abs() < 1e-15);
+}
+
+/// Any bit pattern that is no NaN and not +inf: denormals, zeros and -inf among them, and ties more often than chance.
+fn log_value() -> impl Strategy<Value = f64> {
+    let any = proptest::num::f64::ANY.prop_map(|x| {
+        if x.is_nan() || x == f64::INFINITY {
+            f64::NEG_INFINITY
+        } else {
+            x
+        }
+    });
+    prop_oneof![
+        6 => any,
+        2 => (0..4_i32).prop_map(|k| -1e17 * f64::from(k)),
+        2 => -40.0..40.0_f64,
+        1 => Just(f64::NEG_INFINITY),
+        1 => Just(f64::MIN),
+        1 => Just(f64::MAX),
+    ]
+}
+
+fn check_weights(before: &[f64], after: &[f64]) -> Result<(), TestCaseError> {
+    let sum: f64 = after.iter().map(|weight| weight.exp()).sum();
+    // each exponential rounds by a unit, the logarithm of the sum by one of log n
+    let rounding = 8.0 * (after.len() as f64 + 1.0) * f64::EPSILON;
+    prop_assert!((sum - 1.0).abs() < rounding, "{sum}");
+    for (a, x) in before.iter().zip(after) {
+        prop_assert!(!x.is_nan() && *x <= rounding);
+        prop_assert!(*a != f64::NEG_INFINITY || *x == f64::NEG_INFINITY);
+        for (b, y) in before.iter().zip(after) {
+            prop_assert!(a < b || x >= y, "{a:e} -> {x:e}, {b:e} -> {y:e}");
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+    #[test]
+    fn weights_sum_to_one_and_keep_their_order_over_all_of_f64(
+        logs in prop::collection::vec(log_value(), 1..12),
+        seed in any::<u64>(),
+    ) {
+        let count = logs.len();
+        let set = ParticleSet::from_parts(vec![(); count], logs.clone(), (0..count).collect());
+        if logs.iter().all(|l| *l == f64::NEG_INFINITY) {
+            let told = matches!(set, Err(RbpfError::DegenerateWeights { zero, .. }) if zero == count);
+            prop_assert!(told);
+            return Ok(());
+        }
+        let set = set.expect("one weight is finite");
+        check_weights(&logs, set.log_weights())?;
+        let largest = set.log_weights().iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        prop_assert_eq!(set.log_weights()[set.best()], largest);
+        let n_eff = set.effective_count();
+        prop_assert!(n_eff > 1.0 - 1e-12 && n_eff < count as f64 * (1.0 + 1e-12));
+        // what is resampled has weight
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        for slot in Resampler::Systematic.resample(set.log_weights(), count, &mut rng).expect("weights") {
+            prop_assert!(set.log_weights()[slot] > f64::NEG_INFINITY);
+        }
+    }
+
+    #[test]
+    fn increments_of_any_size_leave_weights_that_sum_to_one(
+        pairs in prop::collection::vec((log_value(), log_value()), 1..12),
+    ) {
+        let (logs, increments): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
+        prop_assume!(logs.iter().any(|l| *l > f64::NEG_INFINITY));
+        let count = logs.len();
+        let mut set = ParticleSet::from_parts(vec![(); count], logs, (0..count).collect())
+            .expect("one weight is finite");
+        let before = set.clone();
+        let alive = before.log_weights().iter().zip(&increments)
+            .any(|(w, l)| *w > f64::NEG_INFINITY && *l > f64::NEG_INFINITY);
+        let evidence = set.reweight(&increments);
+        if alive {
+            prop_assert!(!evidence.expect("one sum is finite").is_nan());
+            let sum: f64 = set.weights().iter().sum();
+            prop_assert!((sum - 1.0).abs() < 8.0 * (count as f64 + 1.0) * f64::EPSILON, "{sum}");
+        } else {
+            let told = matches!(evidence, Err(RbpfError::DegenerateWeights { .. }));
+            prop_assert!(told);
+            prop_assert_eq!(&set, &before);
+        }
+    }
+
+    #[test]
+    fn nan_and_infinity_are_errors_that_change_nothing(
+        logs in prop::collection::vec(log_value(), 1..12),
+        at in any::<prop::sample::Index>(),
+        bad in prop_oneof![Just(f64::NAN), Just(f64::INFINITY)],
+    ) {
+        let count = logs.len();
+        let mut set = ParticleSet::new(vec![(); count]).expect("particles");
+        let before = set.clone();
+        let mut increments = logs;
+        increments[at.index(count)] = bad;
+        let told = matches!(set.reweight(&increments), Err(RbpfError::DegenerateWeights { .. }));
+        prop_assert!(told);
+        prop_assert_eq!(&set, &before);
+        let given = ParticleSet::from_parts(vec![(); count], increments, (0..count).collect());
+        let told = matches!(given, Err(RbpfError::DegenerateWeights { .. }));
+        prop_assert!(told);
     }
 }
