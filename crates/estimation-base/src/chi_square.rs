@@ -8,18 +8,26 @@ use core::f64::consts::TAU;
 
 use nalgebra::ComplexField;
 
+use crate::readable::Readable;
+
 /// Why there is no such quantile.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChiSquareError {
     /// A probability outside (0, 1).
-    #[error("probability {value} given, a number strictly between 0 and 1 required")]
+    #[error(
+        "probability {} given, a number strictly between 0 and 1 required",
+        Readable(*.value)
+    )]
     Probability {
         /// The number given.
         value: f64,
     },
     /// Less than one degree of freedom, or not a finite number of them.
-    #[error("{value} degrees of freedom given, a finite number of at least 1 required")]
+    #[error(
+        "{} degrees of freedom given, a finite number of at least 1 required",
+        Readable(*.value)
+    )]
     DegreesOfFreedom {
         /// The number given.
         value: f64,

@@ -11,12 +11,18 @@ use core::f64::consts::TAU;
 
 use nalgebra::{ComplexField, Dim, RawStorage, SMatrix, SVector, SquareMatrix, StorageMut};
 
+use crate::readable::Readable;
+
 /// Why a matrix is no covariance. A library above adds which covariance it was and in which step.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CholeskyError {
     /// A pivot at or below its bound.
-    #[error("pivot {pivot} of the matrix is {value:e}, more than {required:e} required")]
+    #[error(
+        "pivot {pivot} of the matrix is {}, more than {} required",
+        Readable(*.value),
+        Readable(*.required)
+    )]
     NotPositiveDefinite {
         /// Row of the failing pivot, from 0.
         pivot: usize,
@@ -27,7 +33,9 @@ pub enum CholeskyError {
     },
     /// A pivot of zero with a covariance left below it, which no semidefinite matrix has.
     #[error(
-        "pivot {pivot} of the matrix is zero and row {row} has a covariance of {value:e} with it, at most {at_most:e} allowed"
+        "pivot {pivot} of the matrix is zero and row {row} has a covariance of {} with it, at most {} allowed",
+        Readable(*.value),
+        Readable(*.at_most)
     )]
     CovarianceWithoutVariance {
         /// Row of the zero pivot, from 0.
@@ -41,7 +49,8 @@ pub enum CholeskyError {
     },
     /// The two triangles differ by more than rounding.
     #[error(
-        "entries ({row}, {column}) and ({column}, {row}) of the matrix differ by {difference}, a symmetric matrix required"
+        "entries ({row}, {column}) and ({column}, {row}) of the matrix differ by {}, a symmetric matrix required",
+        Readable(*.difference)
     )]
     NotSymmetric {
         /// Row of the entry below the diagonal, from 0.
@@ -52,7 +61,10 @@ pub enum CholeskyError {
         difference: f64,
     },
     /// An entry is NaN or infinite.
-    #[error("entry ({row}, {column}) of the matrix is {value}, a finite number required")]
+    #[error(
+        "entry ({row}, {column}) of the matrix is {}, a finite number required",
+        Readable(*.value)
+    )]
     NotFinite {
         /// Row of the entry, from 0.
         row: usize,

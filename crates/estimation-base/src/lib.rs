@@ -37,6 +37,7 @@ mod angle;
 mod chi_square;
 mod cholesky;
 mod manifold;
+mod readable;
 mod rotation;
 mod se2;
 pub mod series;
@@ -45,6 +46,7 @@ pub use angle::{Angle, wrap};
 pub use chi_square::{ChiSquareError, chi_square_cdf, chi_square_quantile};
 pub use cholesky::{Cholesky, CholeskyError, check_symmetric, cholesky_in_place, symmetric};
 pub use manifold::Manifold;
+pub use readable::Readable;
 pub use se2::Se2;
 
 /// Compiles and runs the code of the README.

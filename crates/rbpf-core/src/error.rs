@@ -1,5 +1,7 @@
 //! The errors of the crate.
 
+use estimation_base::Readable;
+
 /// An input that the particle set, the resampling or the filter refuses.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -43,13 +45,19 @@ pub enum RbpfError {
         particles: usize,
     },
     /// The resampling threshold is not a fraction.
-    #[error("resampling threshold {value} given, a fraction of the particles in [0, 1] required")]
+    #[error(
+        "resampling threshold {} given, a fraction of the particles from 0 to 1 required",
+        Readable(*.value)
+    )]
     InvalidThreshold {
         /// The fraction given.
         value: f64,
     },
     /// A setting out of range; `what` names it and its range.
-    #[error("{what}: {value} given")]
+    #[error(
+        "{what}, {} given",
+        Readable(*.value)
+    )]
     InvalidSetting {
         /// The setting and its range.
         what: &'static str,
@@ -66,6 +74,7 @@ pub enum RbpfError {
 
 /// The stage of a step that failed, and its error. The particle set is then what it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StepError<PE, RE, ME>
 where
     PE: std::error::Error + 'static,

@@ -32,6 +32,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// The frames in which rejuvenation runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum RejuvenationSchedule {
     /// Only the frames that resampled, to spread the copies.
     #[default]

@@ -46,27 +46,30 @@ impl KldSampling {
     pub(crate) fn check(&self) -> Result<(), RbpfError> {
         let wrong = |what, value| Err(RbpfError::InvalidSetting { what, value });
         if !(self.error.is_finite() && self.error > 0.0) {
-            return wrong("KLD error, positive", self.error);
+            return wrong("the KLD error must be finite and above 0", self.error);
         }
         if !(self.quantile.is_finite() && self.quantile >= 0.0) {
-            return wrong("KLD quantile, at least 0", self.quantile);
+            return wrong(
+                "the KLD quantile must be finite and at least 0",
+                self.quantile,
+            );
         }
         if let Some(&width) = self
             .widths
             .iter()
             .find(|width| !(width.is_finite() && **width > 0.0))
         {
-            return wrong("KLD bin width, positive", width);
+            return wrong("every KLD bin width must be finite and above 0", width);
         }
         if self.widths.is_empty() {
-            return wrong("number of KLD bin widths, at least 1", 0.0);
+            return wrong("the number of KLD bin widths must be at least 1", 0.0);
         }
         if self.min_particles == 0 {
-            return wrong("fewest particles, at least 1", 0.0);
+            return wrong("the least number of particles must be at least 1", 0.0);
         }
         if self.max_particles < self.min_particles {
             return wrong(
-                "most particles, at least the fewest",
+                "the largest number of particles must be at least the least",
                 self.max_particles as f64,
             );
         }

@@ -24,6 +24,7 @@ use rand::{Rng, RngExt};
 
 /// The resampling schemes. All are unbiased; they differ in the variance of the counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Resampler {
     /// Equally spaced points behind one uniform.
     #[default]
