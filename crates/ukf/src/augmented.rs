@@ -13,20 +13,23 @@
 //! see of f's curvature. No point moves state and noise together, so products of the two
 //! are not seen: for x (1 + w) the variance comes out as P + m^2 Q, without the P Q of the exact one.
 
-use estimation_base::Manifold;
+use estimation_base::{Cholesky, Manifold};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
-use crate::covariance::{require_symmetric, semidefinite};
+use crate::covariance::covariance_root;
 use crate::error::{Step, UkfError};
 use crate::filter::Ukf;
 use crate::innovation::Innovation;
-use crate::sigma_points::axis_weights;
+use crate::joint::{Joint, root_of_squares};
+use crate::placed::Placed;
+use crate::sigma_points::{SigmaPoints, axis_weights};
 use crate::transform::{Transformed, mean_of_points};
-use crate::update::correct;
 
 /// Scaled sigma points for a state of dimension L with noise of dimension W.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AugmentedPoints<const L: usize, const W: usize> {
+    /// The points that move the state, as a set of their own: its pairs, not its centre, are in L dimensions what they are here.
+    state: SigmaPoints<L>,
     distance: f64,
     mean_weight_of_centre: f64,
     covariance_weight_of_centre: f64,
@@ -42,6 +45,7 @@ impl<const L: usize, const W: usize> AugmentedPoints<L, W> {
     pub fn scaled(alpha: f64, beta: f64, kappa: f64) -> Result<Self, UkfError> {
         let weights = axis_weights(L + W, alpha, beta, kappa)?;
         Ok(Self {
+            state: SigmaPoints::at_distance(weights.distance),
             distance: weights.distance,
             mean_weight_of_centre: weights.mean_of_centre,
             covariance_weight_of_centre: weights.covariance_of_centre,
@@ -55,6 +59,7 @@ impl<const L: usize, const W: usize> Default for AugmentedPoints<L, W> {
     fn default() -> Self {
         let dimension = (L + W) as f64;
         Self {
+            state: SigmaPoints::default(),
             distance: ComplexField::sqrt(3.0),
             mean_weight_of_centre: 1.0 - dimension / 3.0,
             covariance_weight_of_centre: 3.0 - dimension / 3.0,
@@ -79,51 +84,113 @@ where
     X: Manifold<L>,
     Y: Manifold<M>,
 {
-    require_symmetric(noise, Step::SigmaPoints)?;
-    let state_root = *semidefinite(covariance, Step::SigmaPoints)?.lower();
-    let noise_root = *semidefinite(noise, Step::SigmaPoints)?.lower();
-    let c = points.distance;
-
-    let none = SVector::<f64, W>::zeros();
-    let centre = function(mean, &none);
-    let mut state_at = |k: usize, sign: f64| {
-        let tangent = state_root.column(k) * (sign * c);
-        function(&mean.retract(&tangent), &none)
-    };
-    let ahead: [Y; L] = core::array::from_fn(|k| state_at(k, 1.0));
-    let behind: [Y; L] = core::array::from_fn(|k| state_at(k, -1.0));
-    let mut noise_at = |j: usize, sign: f64| function(mean, &(noise_root.column(j) * (sign * c)));
-    let up: [Y; W] = core::array::from_fn(|j| noise_at(j, 1.0));
-    let down: [Y; W] = core::array::from_fn(|j| noise_at(j, -1.0));
-
-    // points in the order centre, ahead, behind, up, down
-    let at = |index: usize| match index.checked_sub(1) {
-        None => (&centre, points.mean_weight_of_centre),
-        Some(k) if k < L => (&ahead[k], points.weight),
-        Some(k) if k < 2 * L => (&behind[k - L], points.weight),
-        Some(k) if k < 2 * L + W => (&up[k - 2 * L], points.weight),
-        Some(k) => (&down[k - 2 * L - W], points.weight),
-    };
-    let count = 2 * (L + W) + 1;
-    let center = mean_of_points(&centre, count, at)?;
-
-    let difference = center.local(&centre);
-    let mut image_covariance =
-        difference * difference.transpose() * points.covariance_weight_of_centre;
-    for index in 1..count {
-        let difference = center.local(at(index).0);
-        image_covariance += difference * difference.transpose() * points.weight;
-    }
+    let state = covariance_root(covariance, Step::SigmaPoints)?;
+    let noise = covariance_root(noise, Step::SigmaPoints)?;
+    let images = Images::new(mean, &state, &noise, points, &mut function)?;
+    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
     let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
-    for k in 0..L {
-        let slope = center.local(&ahead[k]) - center.local(&behind[k]);
-        cross_covariance += state_root.column(k) * slope.transpose() * (c * points.weight);
+    for index in 0..images.count() {
+        let (z, x, weight) = images.deviation(index);
+        image_covariance.ger(weight, &z, &z, 1.0);
+        cross_covariance.ger(weight, &x, &z, 1.0);
     }
     Ok(Transformed {
-        mean: center,
+        mean: images.mean,
         covariance: image_covariance,
         cross_covariance,
     })
+}
+
+/// The values of a function at the augmented points, and their mean.
+struct Images<'a, Y, const L: usize, const W: usize, const M: usize> {
+    state: Placed<'a, L>,
+    points: AugmentedPoints<L, W>,
+    /// Share of the centre that the state's points took when they moved in.
+    shift: f64,
+    mean: Y,
+    centre: Y,
+    ahead: [Y; L],
+    behind: [Y; L],
+    up: [Y; W],
+    down: [Y; W],
+}
+
+impl<'a, Y: Manifold<M>, const L: usize, const W: usize, const M: usize> Images<'a, Y, L, W, M> {
+    fn new<X: Manifold<L>>(
+        mean: &X,
+        state_root: &'a Cholesky<L>,
+        noise_root: &Cholesky<W>,
+        points: &'a AugmentedPoints<L, W>,
+        function: &mut impl FnMut(&X, &SVector<f64, W>) -> Y,
+    ) -> Result<Self, UkfError> {
+        let state = Placed::new(mean, state_root.lower(), &points.state)?;
+        let none = SVector::<f64, W>::zeros();
+        let centre = function(mean, &none);
+        let mut state_at = |index: usize| function(&mean.retract(&state.tangent(index)), &none);
+        let ahead: [Y; L] = core::array::from_fn(|k| state_at(k + 1));
+        let behind: [Y; L] = core::array::from_fn(|k| state_at(k + 1 + L));
+        let c = points.distance;
+        let mut noise_at =
+            |j: usize, sign: f64| function(mean, &(noise_root.lower().column(j) * (sign * c)));
+        let up: [Y; W] = core::array::from_fn(|j| noise_at(j, 1.0));
+        let down: [Y; W] = core::array::from_fn(|j| noise_at(j, -1.0));
+        let shift = state.mean_weight(0) - points.state.mean_weight(0);
+        let mut images = Self {
+            state,
+            points: *points,
+            shift,
+            mean: centre.clone(),
+            centre,
+            ahead,
+            behind,
+            up,
+            down,
+        };
+        images.mean = mean_of_points(&images.centre, images.count(), |index| {
+            let weight = if index == 0 {
+                points.mean_weight_of_centre + shift
+            } else {
+                images.weight(index)
+            };
+            (images.at(index), weight)
+        })?;
+        Ok(images)
+    }
+
+    const fn count(&self) -> usize {
+        2 * (L + W) + 1
+    }
+
+    /// Points in the order centre, ahead, behind, up, down.
+    fn at(&self, index: usize) -> &Y {
+        match index.checked_sub(1) {
+            None => &self.centre,
+            Some(k) if k < L => &self.ahead[k],
+            Some(k) if k < 2 * L => &self.behind[k - L],
+            Some(k) if k < 2 * L + W => &self.up[k - 2 * L],
+            Some(k) => &self.down[k - 2 * L - W],
+        }
+    }
+
+    fn weight(&self, index: usize) -> f64 {
+        if index == 0 {
+            self.points.covariance_weight_of_centre + self.shift
+        } else if index <= 2 * L {
+            self.state.covariance_weight(index)
+        } else {
+            self.points.weight
+        }
+    }
+
+    /// Deviation of value and state at point `index`, and the weight in covariances.
+    fn deviation(&self, index: usize) -> (SVector<f64, M>, SVector<f64, L>, f64) {
+        let x = if index <= 2 * L {
+            self.state.tangent(index)
+        } else {
+            SVector::zeros()
+        };
+        (self.mean.local(self.at(index)), x, self.weight(index))
+    }
 }
 
 impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
@@ -137,14 +204,22 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         points: &AugmentedPoints<L, W>,
         function: impl FnMut(&X, &SVector<f64, W>) -> X,
     ) -> Result<(), UkfError> {
-        let moved = augmented_transform::<X, X, L, W, L>(
-            self.mean(),
-            self.covariance(),
-            process_noise,
-            points,
-            function,
+        let noise = covariance_root(process_noise, Step::SigmaPoints)?;
+        let mut function = function;
+        let images: Images<'_, X, L, W, L> =
+            Images::new(self.mean(), self.root(), &noise, points, &mut function)?;
+        let root = root_of_squares(
+            &SMatrix::<f64, L, 1>::zeros(),
+            images.count(),
+            |index| {
+                let (deviation, _, weight) = images.deviation(index);
+                (deviation, weight)
+            },
+            Step::Prediction,
         )?;
-        self.move_to(moved.mean, &moved.covariance)
+        let mean = images.mean.clone();
+        self.set_state(mean, root);
+        Ok(())
     }
 
     /// Takes in a measurement z = h(x, v), v of covariance `measurement_noise`.
@@ -158,14 +233,15 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         points: &AugmentedPoints<L, V>,
         function: impl FnMut(&X, &SVector<f64, V>) -> Z,
     ) -> Result<Innovation<M>, UkfError> {
-        let predicted = augmented_transform(
-            self.mean(),
-            self.covariance(),
-            measurement_noise,
-            points,
-            function,
-        )?;
-        let update = correct(self.mean(), self.covariance(), &predicted, measurement)?;
-        Ok(self.take(update))
+        let noise = covariance_root(measurement_noise, Step::SigmaPoints)?;
+        let mut function = function;
+        let images: Images<'_, Z, L, V, M> =
+            Images::new(self.mean(), self.root(), &noise, points, &mut function)?;
+        let joint = Joint::of_points(&SMatrix::<f64, M, 1>::zeros(), images.count(), |index| {
+            images.deviation(index)
+        })?;
+        let corrected = joint.given(images.mean.local(measurement))?;
+        self.set_state(self.mean().retract(&corrected.correction), corrected.root);
+        Ok(corrected.innovation)
     }
 }

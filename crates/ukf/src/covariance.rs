@@ -1,6 +1,6 @@
 //! Covariances as every step of a filter takes them: factorised, checked, or refused with the name of the step.
 
-use estimation_base::{Cholesky, CholeskyError, check_symmetric};
+use estimation_base::{Cholesky, CholeskyError, check_symmetric, symmetric};
 use nalgebra::{Dim, RawStorage, SMatrix, SVector, SquareMatrix};
 
 use crate::error::{Step, UkfError};
@@ -29,19 +29,13 @@ pub(crate) fn require_symmetric<D: Dim, S: RawStorage<f64, D, D>>(
     check_symmetric(matrix).map_err(in_step(step))
 }
 
-/// Refuses a posterior P - K S K^T that is not positive semidefinite.
-///
-/// The difference rounds relative to P, not to itself: a direction measured far better than it was known may come out at
-/// zero within eps * P, and is accepted as zero.
-pub(crate) fn check_posterior<const L: usize>(
-    posterior: &SMatrix<f64, L, L>,
-    prior: &SMatrix<f64, L, L>,
-) -> Result<(), UkfError> {
-    let mut padded = *posterior;
-    for k in 0..L {
-        padded[(k, k)] += 8.0 * L as f64 * f64::EPSILON * prior[(k, k)].abs();
-    }
-    semidefinite(&padded, Step::Posterior).map(|_| ())
+/// The factor of a covariance that a caller gives: symmetric up to rounding, perhaps without variance in some direction.
+pub(crate) fn covariance_root<const N: usize>(
+    matrix: &SMatrix<f64, N, N>,
+    step: Step,
+) -> Result<Cholesky<N>, UkfError> {
+    require_symmetric(matrix, step)?;
+    semidefinite(&symmetric(matrix), step)
 }
 
 /// A vector whose entries are all finite; `what` names it in the error.

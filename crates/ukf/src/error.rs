@@ -2,10 +2,11 @@
 
 use core::fmt;
 
-use estimation_base::{ChiSquareError, CholeskyError};
+use estimation_base::{ChiSquareError, CholeskyError, Readable};
 
 /// The place in a prediction or an update where something failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Step {
     /// Drawing sigma points from the covariance given.
     SigmaPoints,
@@ -39,20 +40,36 @@ impl fmt::Display for Step {
 #[non_exhaustive]
 pub enum UkfError {
     /// Parameters for which the sigma points collapse or become imaginary.
-    #[error("sigma points need L + lambda > 0 and finite, {value} given")]
+    #[error("sigma points need L + lambda > 0 and finite, {} given", Readable(*.value))]
     InvalidSpread {
         /// L + lambda of the parameters given.
         value: f64,
     },
     /// A weight of the centre that leaves nothing for the simplex, or a state of dimension zero.
     #[error(
-        "a simplex of {dimension} dimensions with centre weight {value} given, at least 1 dimension and a weight in [0, 1) required"
+        "a simplex of {dimension} dimensions with centre weight {} given, at least 1 dimension and a weight from 0 to below 1 required",
+        Readable(*.value)
     )]
     InvalidSimplex {
         /// Dimension of the state.
         dimension: usize,
         /// The weight given.
         value: f64,
+    },
+    /// A standard deviation that the state's space has no room for: a heading of half a turn and more.
+    #[error(
+        "the standard deviation along axis {axis} of the state is {}, at most {} can be spread on a circle; \
+         a heading of which nothing is known has 1.81 rad",
+        Readable(*.sigma),
+        Readable(*.at_most)
+    )]
+    TooWide {
+        /// The axis (column of the covariance's factor), from 0; 0 for a simplex.
+        axis: usize,
+        /// The standard deviation along it.
+        sigma: f64,
+        /// The largest with which the points can be drawn.
+        at_most: f64,
     },
     /// A matrix that is no covariance: not positive (semi-)definite, not symmetric, or not finite.
     #[error("{step}, covariance: {reason}")]

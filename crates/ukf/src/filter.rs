@@ -7,24 +7,33 @@
 //! Using the propagated points again in the update, as is sometimes done to save a factorisation,
 //! leaves Q out of S and out of the gain.
 //!
-//! Both steps return an error and keep the state for NaN, infinity, or a covariance that
-//! is not positive definite.
+//! The filter takes and shows covariances, and carries the factor of its own from step to step (`joint`), so that it stays
+//! positive definite: a prior of variance 1e6 measured with 1e-12 leaves 1e-12, where P - K S K^T leaves rounding.
+//! [`crate::SquareRootUkf`] is the same filter for noise that is given by its factors.
+//!
+//! Both steps return an error and keep the state for NaN, infinity, noise that is no covariance, or a centre of negative
+//! weight that takes more than the other points hold.
 
-use estimation_base::{Manifold, symmetric};
+use estimation_base::{Cholesky, Manifold, symmetric};
 use nalgebra::SMatrix;
 
-use crate::covariance::{finite, require_symmetric, semidefinite};
+use crate::covariance::{covariance_root, finite};
 use crate::error::{Step, UkfError};
 use crate::innovation::Innovation;
+use crate::joint::root_of_squares;
+use crate::placed::Placed;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::Images;
-use crate::update::{Update, unscented_correction};
+use crate::update::correct;
 
 /// A Gaussian state and its sigma points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ukf<X, const L: usize> {
     mean: X,
+    /// L L^T, as shown.
     covariance: SMatrix<f64, L, L>,
+    /// L, as carried on.
+    root: Cholesky<L>,
     set: SigmaPoints<L>,
 }
 
@@ -38,13 +47,12 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         covariance: SMatrix<f64, L, L>,
         set: SigmaPoints<L>,
     ) -> Result<Self, UkfError> {
-        require_symmetric(&covariance, Step::SigmaPoints)?;
-        let covariance = symmetric(&covariance);
-        semidefinite(&covariance, Step::SigmaPoints)?;
+        let root = covariance_root(&covariance, Step::SigmaPoints)?;
         finite(mean.local(&mean), Step::SigmaPoints, "the mean")?;
         Ok(Self {
             mean,
-            covariance,
+            covariance: symmetric(&covariance),
+            root,
             set,
         })
     }
@@ -63,39 +71,47 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// new mean).
     ///
     /// # Errors
-    /// As [`crate::unscented_transform`], and if the predicted covariance is not positive semidefinite.
-    /// The state is then unchanged.
+    /// As [`crate::unscented_transform`]; [`UkfError::Covariance`] for a process noise that is not positive semidefinite,
+    /// or if the centre's negative weight takes more than the other points hold. The state is then unchanged.
     pub fn predict(
         &mut self,
         process_noise: &SMatrix<f64, L, L>,
         mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
-        require_symmetric(process_noise, Step::Prediction)?;
-        let root = semidefinite(&self.covariance, Step::SigmaPoints)?;
-        let images = Images::new(&self.mean, root.lower(), &self.set, &mut function)?;
-        let covariance = images.covariance(&self.set) + process_noise;
-        self.move_to(images.mean, &covariance)
+        let noise = covariance_root(process_noise, Step::Prediction)?;
+        let points = Placed::new(&self.mean, self.root.lower(), &self.set)?;
+        let images = Images::new(&self.mean, &points, &mut function)?;
+        let root = root_of_squares(
+            noise.lower(),
+            points.count(),
+            |index| (images.difference(index), points.covariance_weight(index)),
+            Step::Prediction,
+        )?;
+        self.set_state(images.mean, root);
+        Ok(())
     }
 
     /// Takes in a measurement z = h(x) + noise of covariance `measurement_noise`.
     ///
     /// # Errors
-    /// As [`unscented_correction`]; the state is then unchanged.
+    /// As [`crate::unscented_correction`]; the state is then unchanged.
     pub fn update<Z: Manifold<M>, const M: usize>(
         &mut self,
         measurement: &Z,
         measurement_noise: &SMatrix<f64, M, M>,
-        function: impl FnMut(&X) -> Z,
+        mut function: impl FnMut(&X) -> Z,
     ) -> Result<Innovation<M>, UkfError> {
-        let update = unscented_correction(
+        let noise = covariance_root(measurement_noise, Step::Innovation)?;
+        let corrected = correct(
             &self.mean,
-            &self.covariance,
+            &self.root,
             &self.set,
             measurement,
-            measurement_noise,
-            function,
+            &noise,
+            &mut function,
         )?;
-        Ok(self.take(update))
+        self.set_state(self.mean.retract(&corrected.correction), corrected.root);
+        Ok(corrected.innovation)
     }
 
     /// The sigma points.
@@ -103,26 +119,15 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         &self.set
     }
 
-    pub(crate) fn move_to(
-        &mut self,
-        mean: X,
-        covariance: &SMatrix<f64, L, L>,
-    ) -> Result<(), UkfError> {
-        let covariance = symmetric(covariance);
-        semidefinite(&covariance, Step::Prediction)?;
-        self.set_state(mean, covariance);
-        Ok(())
+    /// The factor of the covariance.
+    pub(crate) const fn root(&self) -> &Cholesky<L> {
+        &self.root
     }
 
-    /// Takes the state of an update, and returns how well the measurement fitted.
-    pub(crate) fn take<const M: usize>(&mut self, update: Update<X, L, M>) -> Innovation<M> {
-        self.set_state(update.mean, update.covariance);
-        update.innovation
-    }
-
-    /// Both are known to be finite, the covariance symmetric and positive semidefinite.
-    pub(crate) fn set_state(&mut self, mean: X, covariance: SMatrix<f64, L, L>) {
+    /// Both are known to be finite.
+    pub(crate) fn set_state(&mut self, mean: X, root: Cholesky<L>) {
         self.mean = mean;
-        self.covariance = covariance;
+        self.covariance = root.product();
+        self.root = root;
     }
 }

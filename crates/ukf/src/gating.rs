@@ -9,7 +9,6 @@ use nalgebra::SMatrix;
 use crate::error::UkfError;
 use crate::filter::Ukf;
 use crate::innovation::Innovation;
-use crate::update::unscented_correction;
 
 /// A measurement against its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,20 +54,13 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         bound: f64,
         function: impl FnMut(&X) -> Z,
     ) -> Result<Gate<M>, UkfError> {
-        let update = unscented_correction(
-            self.mean(),
-            self.covariance(),
-            self.sigma_points(),
-            measurement,
-            measurement_noise,
-            function,
-        )?;
+        let mut next = self.clone();
         let gate = Gate {
-            innovation: update.innovation,
+            innovation: next.update(measurement, measurement_noise, function)?,
             bound,
         };
         if gate.accepted() {
-            self.set_state(update.mean, update.covariance);
+            *self = next;
         }
         Ok(gate)
     }

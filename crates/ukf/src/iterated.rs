@@ -11,19 +11,23 @@
 //! m_(j+1) = m + K (z - z^ - A (m - m_j)),  P_(j+1) = P - K S K^T
 //! ```
 //!
+//! with O, S and P_(j+1) formed as sums of squares (`joint`).
+//!
 //! The first round is the ordinary update; for linear h so are all. It ends when the mean moves by less
 //! than `tolerance` standard deviations. Convergence is not guaranteed (nor is it for Gauss-Newton, which this is
 //! for vanishing spread): the outcome says whether it came about. P must be positive definite. On a
 //! manifold the small change of tangent between m and m_j is neglected.
 
-use estimation_base::{Cholesky, Manifold, symmetric};
-use nalgebra::{ComplexField, SMatrix};
+use estimation_base::Manifold;
+use nalgebra::{ComplexField, SMatrix, SVector};
 
-use crate::covariance::{check_posterior, definite, finite, require_symmetric};
+use crate::covariance::covariance_root;
 use crate::error::{Step, UkfError};
 use crate::filter::Ukf;
 use crate::innovation::Innovation;
-use crate::transform::unscented_transform;
+use crate::joint::{Joint, definite_root};
+use crate::placed::Placed;
+use crate::transform::Images;
 
 /// The conditions under which the iteration stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,38 +71,46 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         iterations: &Iterations,
         mut function: impl FnMut(&X) -> Z,
     ) -> Result<Iterated<M>, UkfError> {
-        require_symmetric(measurement_noise, Step::Innovation)?;
-        let prior = self.covariance();
-        let (mut mean, mut covariance) = (self.mean().clone(), *prior);
+        let noise = covariance_root(measurement_noise, Step::Innovation)?;
+        let prior = *self.root();
+        let (mut mean, mut root) = (self.mean().clone(), prior);
         let mut rounds = 0;
         loop {
             rounds += 1;
-            let root = definite(&covariance, Step::SigmaPoints)?;
-            let predicted =
-                unscented_transform(&mean, &covariance, self.sigma_points(), &mut function)?;
-            let slope = root.solve(&predicted.cross_covariance).transpose();
-            let rest = predicted.covariance - slope * covariance * slope.transpose();
-            let s = slope * prior * slope.transpose() + rest + measurement_noise;
-            let s = symmetric(&s);
-            let factor = definite(&s, Step::Innovation)?;
-            let innovation = predicted.mean.local(measurement) - slope * mean.local(self.mean());
-            let innovation = finite(innovation, Step::Innovation, "the measurement")?;
-            let gain = factor.solve(&(slope * prior)).transpose();
-            let next = self.mean().retract(&(gain * innovation));
-            let reduced = symmetric(&(prior - gain * s * gain.transpose()));
-            check_posterior(&reduced, prior)?;
-
+            let points = Placed::new(&mean, root.lower(), self.sigma_points())?;
+            let images: Images<Z, L, M> = Images::new(&mean, &points, &mut function)?;
+            // x first: [S_j 0; A S_j O^1/2]
+            let line = Joint::of_points(&SMatrix::<f64, L, 1>::zeros(), points.count(), |index| {
+                let weight = points.covariance_weight(index);
+                (points.tangent(index), images.difference(index), weight)
+            })?;
+            let present = line.z_root(Step::SigmaPoints)?;
+            let slope = present
+                .solve_transposed(&line.slope().transpose())
+                .transpose();
+            // the prior through that line: O and R are noise in z
+            let mut joint = Joint::<M, L>::of_noise(noise.lower());
+            for column in line.rest(Step::Innovation)?.lower().column_iter() {
+                joint.add(column.into_owned(), SVector::zeros());
+            }
+            for column in prior.lower().column_iter() {
+                joint.add(slope * column, column.into_owned());
+            }
+            let corrected =
+                joint.given(images.mean.local(measurement) - slope * mean.local(self.mean()))?;
+            let next = self.mean().retract(&corrected.correction);
             let moved = mean.local(&next);
             // a semidefinite posterior has no lengths: go on to the last round
-            let length = Cholesky::definite(&reduced).map_or(f64::INFINITY, |root| {
-                ComplexField::sqrt(root.mahalanobis_squared(&moved))
-            });
-            (mean, covariance) = (next, reduced);
+            let length = definite_root(corrected.root.lower(), Step::Posterior)
+                .map_or(f64::INFINITY, |root| {
+                    ComplexField::sqrt(root.mahalanobis_squared(&moved))
+                });
+            (mean, root) = (next, corrected.root);
             let converged = length <= iterations.tolerance;
             if converged || rounds >= iterations.at_most {
-                self.set_state(mean, covariance);
+                self.set_state(mean, root);
                 return Ok(Iterated {
-                    innovation: Innovation::new(innovation, s, &factor),
+                    innovation: corrected.innovation,
                     rounds,
                     converged,
                 });

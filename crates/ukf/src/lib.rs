@@ -13,7 +13,8 @@
 //! match the covariances.
 //!
 //! **When not to use it.** A distribution with several modes wants a particle filter. For a linear model the Kalman filter
-//! is cheaper and gives the same answer. A function that folds within the spread of the points (a bearing to something
+//! is cheaper and gives the same answer. A heading may be unknown (variance pi^2), but not for long if the model bends with it: the
+//! transform is right to second order only. A function that folds within the spread of the points (a bearing to something
 //! nearer than its own uncertainty) has no good Gaussian approximation, and the transform does not notice.
 //!
 //! ```
@@ -28,6 +29,22 @@
 //! let told = filter.update(&distance, &Matrix1::new(0.01), |x| Vector1::new(x[0].hypot(10.0)))?;
 //! assert!(told.nis < chi_square_quantile(1.0, 0.99)?);
 //! assert!(filter.covariance()[(0, 0)] < 2.0);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A robot that does not know its heading and reads a compass:
+//!
+//! ```
+//! use nalgebra::Matrix1;
+//! use std::f64::consts::PI;
+//! use ukf::{Angle, SigmaPoints, Ukf};
+//!
+//! # fn main() -> Result<(), ukf::UkfError> {
+//! let mut heading = Ukf::new(Angle::new(-2.0), Matrix1::new(PI * PI), SigmaPoints::default())?;
+//! heading.update(&Angle::new(0.5), &Matrix1::new(0.01), |x| *x)?;
+//! assert!((heading.mean().radians() - 0.5).abs() < 0.003);
+//! assert!((heading.covariance()[0].sqrt() - 0.1).abs() < 1e-3);
 //! # Ok(())
 //! # }
 //! ```
@@ -47,6 +64,8 @@ mod filter;
 mod gating;
 mod innovation;
 mod iterated;
+mod joint;
+mod placed;
 mod rank_one;
 mod several;
 mod sigma_points;

@@ -28,6 +28,49 @@ pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector:
     }
 }
 
+/// Adds the equation `vector`^T t = `value`, of unit noise, to the least squares problem L^T t = `right`, and returns the
+/// residual that its rotation leaves: the squares of all residuals sum to the sum of squares at the solution.
+pub(crate) fn update_with_right_side<const N: usize>(
+    lower: &mut SMatrix<f64, N, N>,
+    right: &mut SVector<f64, N>,
+    mut vector: SVector<f64, N>,
+    mut value: f64,
+) -> f64 {
+    for column in 0..N {
+        let (diagonal, entry) = (lower[(column, column)], vector[column]);
+        if entry == 0.0 {
+            continue;
+        }
+        let (cos, sin, length) = rotation(diagonal, entry);
+        lower[(column, column)] = length;
+        for row in column + 1..N {
+            let (l, v) = (lower[(row, column)], vector[row]);
+            lower[(row, column)] = cos * l + sin * v;
+            vector[row] = cos * v - sin * l;
+        }
+        let (y, b) = (right[column], value);
+        right[column] = cos * y + sin * b;
+        value = cos * b - sin * y;
+    }
+    value
+}
+
+/// A lower triangular factor, in one piece or in blocks.
+pub(crate) trait Lower {
+    fn at(&self, row: usize, column: usize) -> f64;
+    fn set(&mut self, row: usize, column: usize, value: f64);
+}
+
+impl<const N: usize> Lower for SMatrix<f64, N, N> {
+    fn at(&self, row: usize, column: usize) -> f64 {
+        self[(row, column)]
+    }
+
+    fn set(&mut self, row: usize, column: usize, value: f64) {
+        self[(row, column)] = value;
+    }
+}
+
 /// Takes `vector vector^T` from L L^T; `lower` is unchanged after an error.
 ///
 /// # Errors
@@ -37,17 +80,30 @@ pub(crate) fn downdate<const N: usize>(
     lower: &mut SMatrix<f64, N, N>,
     vector: &SVector<f64, N>,
 ) -> Result<(), CholeskyError> {
-    let mut p = *vector;
+    let lengths: [f64; N] = core::array::from_fn(|row| lower.row(row).norm());
+    downdate_rows::<N, 0>(lower, |row| vector[row], |row| lengths[row])
+}
+
+/// [`downdate`] for a factor of A + B rows, whose entries are known to the rounding of `length`(row).
+///
+/// A centre deviates by nothing but rounding where the function is linear: that is no reason to fail where a direction has no variance.
+pub(crate) fn downdate_rows<const A: usize, const B: usize>(
+    lower: &mut impl Lower,
+    vector: impl Fn(usize) -> f64,
+    length: impl Fn(usize) -> f64,
+) -> Result<(), CholeskyError> {
+    let mut p = Rows([0.0; A], [0.0; B]);
     let mut left = 1.0;
-    for row in 0..N {
+    for row in 0..A + B {
+        let mut entry = vector(row);
         for before in 0..row {
-            p[row] -= lower[(row, before)] * p[before];
+            entry -= lower.at(row, before) * *p.get(before);
         }
-        if p[row] == 0.0 {
+        if entry.abs() <= 8.0 * (A + B) as f64 * f64::EPSILON * length(row) {
             continue;
         }
-        p[row] /= lower[(row, row)];
-        left -= p[row] * p[row];
+        entry /= lower.at(row, row);
+        left -= entry * entry;
         // also false for the NaN or infinity of a zero diagonal
         if !(left > 0.0 && left.is_finite()) {
             return Err(CholeskyError::NotPositiveDefinite {
@@ -56,28 +112,42 @@ pub(crate) fn downdate<const N: usize>(
                 required: 0.0,
             });
         }
+        *p.get(row) = entry;
     }
-    let mut rotations = [(1.0, 0.0); N];
+    let mut rotations = Rows([(1.0, 0.0); A], [(1.0, 0.0); B]);
     let mut alpha = ComplexField::sqrt(left);
-    for row in (0..N).rev() {
-        let (cos, sin, length) = rotation(alpha, p[row]);
-        rotations[row] = (cos, sin);
+    for row in (0..A + B).rev() {
+        let (cos, sin, length) = rotation(alpha, *p.get(row));
+        *rotations.get(row) = (cos, sin);
         alpha = length;
     }
-    for row in 0..N {
+    for row in 0..A + B {
         let mut carried = 0.0;
         for column in (0..=row).rev() {
-            let (cos, sin) = rotations[column];
-            let entry = lower[(row, column)];
-            lower[(row, column)] = cos * entry - sin * carried;
+            let (cos, sin) = *rotations.get(column);
+            let entry = lower.at(row, column);
+            lower.set(row, column, cos * entry - sin * carried);
             carried = cos * carried + sin * entry;
         }
     }
     Ok(())
 }
 
+/// A + B values in two arrays.
+struct Rows<T, const A: usize, const B: usize>([T; A], [T; B]);
+
+impl<T, const A: usize, const B: usize> Rows<T, A, B> {
+    const fn get(&mut self, row: usize) -> &mut T {
+        if row < A {
+            &mut self.0[row]
+        } else {
+            &mut self.1[row - A]
+        }
+    }
+}
+
 /// cos, sin and length of (x, y), without overflow; x >= 0, not both zero.
-fn rotation(x: f64, y: f64) -> (f64, f64, f64) {
+pub(crate) fn rotation(x: f64, y: f64) -> (f64, f64, f64) {
     let scale = x.abs() + y.abs();
     let (a, b) = (x / scale, y / scale);
     let length = ComplexField::sqrt(a * a + b * b);

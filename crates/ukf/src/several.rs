@@ -14,22 +14,27 @@
 //! ```
 //!
 //!   linear in K, all from the same prior, with the curvature of different blocks taken as
-//!   independent. P must be positive definite.
+//!   independent. P must be positive definite. The factor of L' is built by rotations, row by row, with the right-hand side
+//!   beside it (the square-root information filter: Bierman 1977).
+//!
+//! All keep the covariance positive definite. The stacked form needs an S that is positive definite as a matrix (variances
+//! within 1e16 of one another), the others do not.
 //!
 //! On a manifold the small change of tangent between x and x' is neglected.
 
 use core::f64::consts::TAU;
 
-use estimation_base::{Manifold, cholesky_in_place, symmetric};
+use estimation_base::{Cholesky, Manifold, cholesky_in_place, symmetric};
 use nalgebra::{ComplexField, DMatrixViewMut, SMatrix, SVector};
 
-use crate::covariance::{
-    check_posterior, definite, finite, in_step, require_symmetric, semidefinite,
-};
+use crate::covariance::{covariance_root, finite, in_step, require_symmetric, semidefinite};
 use crate::error::{Step, UkfError};
 use crate::filter::Ukf;
 use crate::innovation::log_normaliser;
-use crate::transform::{Images, unscented_transform};
+use crate::joint::{Joint, definite_root};
+use crate::placed::Placed;
+use crate::rank_one::{downdate_rows, update, update_with_right_side};
+use crate::transform::Images;
 
 /// A measurement of one block and its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,42 +97,54 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         measurements: &[Measured<Z, M>],
         mut function: impl FnMut(&X, usize) -> Z,
     ) -> Result<JointFit, UkfError> {
-        let prior = definite(self.covariance(), Step::SigmaPoints)?;
+        let points = Placed::new(self.mean(), self.root().lower(), self.sigma_points())?;
+        let prior = definite_root(self.root().lower(), Step::SigmaPoints)?;
         let mut fit = JointFit::of_rows(measurements.len() * M);
-        // in units of the prior's root: x = m + S t, t ~ N(0, I) before
-        let mut information = SMatrix::<f64, L, L>::identity();
-        let mut vector = SVector::<f64, L>::zeros();
+        // in units of the prior's root: x = m + S t, t ~ N(0, I) before; lower^T t = right is what is known of t
+        let mut lower = SMatrix::<f64, L, L>::identity();
+        let mut right = SVector::<f64, L>::zeros();
         for (k, measured) in measurements.iter().enumerate() {
-            require_symmetric(&measured.noise, Step::Innovation)?;
-            let predicted =
-                unscented_transform(self.mean(), self.covariance(), self.sigma_points(), |x| {
-                    function(x, k)
-                })?;
+            let noise = covariance_root(&measured.noise, Step::Innovation)?;
+            let images: Images<Z, L, M> =
+                Images::new(self.mean(), &points, &mut |x: &X| function(x, k))?;
             let innovation = finite(
-                predicted.mean.local(&measured.value),
+                images.mean.local(&measured.value),
                 Step::Innovation,
                 "the measurement",
             )?;
-            // columns of slope^T: S^-1 P_xz = S^T H^T
-            let slope = prior.whiten(&predicted.cross_covariance);
-            let rest = predicted.covariance - slope.transpose() * slope + measured.noise;
-            let rest = definite(&symmetric(&rest), Step::Innovation)?;
-            let weighted = rest.solve(&slope.transpose());
-            information += slope * weighted;
-            vector += weighted.transpose() * innovation;
-            fit.nis += rest.mahalanobis_squared(&innovation);
+            // x first: [S 0; H S O^1/2]
+            let line = Joint::of_points(&SMatrix::<f64, L, 1>::zeros(), points.count(), |index| {
+                let weight = points.covariance_weight(index);
+                (points.tangent(index), images.difference(index), weight)
+            })?;
+            let mut rest = *line.rest(Step::Innovation)?.lower();
+            for column in noise.lower().column_iter() {
+                update(&mut rest, column.into_owned());
+            }
+            let rest = definite_root(&rest, Step::Innovation)?;
+            let weighted = rest.whiten(line.slope());
+            let whitened = rest.whiten(&innovation);
+            for row in 0..M {
+                let equation = weighted.row(row).transpose();
+                let residual =
+                    update_with_right_side(&mut lower, &mut right, equation, whitened[row]);
+                fit.nis += residual * residual;
+            }
             fit.log_likelihood -= 0.5 * log_normaliser(&rest);
         }
-        // det S = det I' prod det O_k and the inversion lemma, without forming S
-        let information = definite(&symmetric(&information), Step::Posterior)?;
-        fit.nis -= information.mahalanobis_squared(&vector);
+        // det S = det I' prod det O_k and the residuals of the least squares, without forming S
+        let information = Cholesky::from_lower(&lower).map_err(in_step(Step::Posterior))?;
         fit.log_likelihood -= 0.5 * (fit.nis + information.log_determinant());
 
-        let correction = prior.lower() * information.solve(&vector);
+        let correction = prior.lower() * information.solve_transposed(&right);
         // (S I'^-1 S^T): rows of L'^-1 S^T
         let half = information.whiten(&prior.lower().transpose());
-        let covariance = symmetric(&(half.transpose() * half));
-        self.set_state(self.mean().retract(&correction), covariance);
+        let mut root = SMatrix::<f64, L, L>::zeros();
+        for row in half.row_iter() {
+            update(&mut root, row.transpose());
+        }
+        let root = Cholesky::from_lower(&root).map_err(in_step(Step::Posterior))?;
+        self.set_state(self.mean().retract(&correction), root);
         Ok(fit)
     }
 
@@ -159,25 +176,26 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         require_symmetric(&s, Step::Innovation)?;
         cross.fill(0.0);
 
-        let root = semidefinite(self.covariance(), Step::SigmaPoints)?;
+        let prior = *self.root();
         let set = *self.sigma_points();
+        let points = Placed::new(self.mean(), prior.lower(), &set)?;
         for (k, measured) in measurements.iter().enumerate() {
-            let images = Images::new(self.mean(), root.lower(), &set, &mut |x| function(x, k))?;
+            let images = Images::new(self.mean(), &points, &mut |x| function(x, k))?;
             let difference = finite(
                 images.mean.local(measured),
                 Step::Innovation,
                 "the measurement",
             )?;
             innovation[k * M..(k + 1) * M].copy_from_slice(difference.as_slice());
-            for index in 0..set.count() {
+            for index in 0..points.count() {
                 let first = index * rows + k * M;
                 let difference: SVector<f64, M> = images.difference(index);
                 deviations[first..first + M].copy_from_slice(difference.as_slice());
             }
         }
-        for index in 0..set.count() {
-            let weight = set.covariance_weight(index);
-            let tangent = set.tangent(root.lower(), index);
+        for index in 0..points.count() {
+            let weight = points.covariance_weight(index);
+            let tangent = points.tangent(index);
             let deviation = &deviations[index * rows..(index + 1) * rows];
             for row in 0..rows {
                 let weighted = deviation[row] * weight;
@@ -190,10 +208,9 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             }
         }
         cholesky_in_place(&mut s).map_err(in_step(Step::Innovation))?;
-        // whiten e and P_zx in place: K e = B^T y, K S K^T = B^T B
+        // whiten e and P_zx in place: K e = B^T y with B = L_S^-1 P_zx
         let mut fit = JointFit::of_rows(rows);
         let mut correction = SVector::<f64, L>::zeros();
-        let mut reduction = SMatrix::<f64, L, L>::zeros();
         for row in 0..rows {
             for before in 0..row {
                 let factor = s[(row, before)];
@@ -204,19 +221,67 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             }
             let pivot = s[(row, row)];
             innovation[row] /= pivot;
-            for entry in &mut cross[row * L..(row + 1) * L] {
+            for column in 0..L {
+                let entry = &mut cross[row * L + column];
                 *entry /= pivot;
+                correction[column] += *entry * innovation[row];
             }
-            let column = SVector::<f64, L>::from_column_slice(&cross[row * L..(row + 1) * L]);
-            correction += column * innovation[row];
-            reduction += column * column.transpose();
             fit.nis += innovation[row] * innovation[row];
             fit.log_likelihood -= ComplexField::ln(pivot) + 0.5 * ComplexField::ln(TAU);
         }
         fit.log_likelihood -= 0.5 * fit.nis;
-        let covariance = symmetric(&(self.covariance() - reduction));
-        check_posterior(&covariance, self.covariance())?;
-        self.set_state(self.mean().retract(&correction), covariance);
+        // K^T = L_S^-T B, row by row in the place of B
+        for row in (0..rows).rev() {
+            for below in row + 1..rows {
+                let factor = s[(below, row)];
+                for column in 0..L {
+                    cross[row * L + column] -= factor * cross[below * L + column];
+                }
+            }
+            for entry in &mut cross[row * L..(row + 1) * L] {
+                *entry /= s[(row, row)];
+            }
+        }
+        // P' = sum W (dx - K dz) (dx - K dz)^T + K R K^T, a sum of squares whatever the rounding of K
+        let gain =
+            |row: usize| SVector::<f64, L>::from_column_slice(&cross[row * L..(row + 1) * L]);
+        let mut of_noise = SMatrix::<f64, L, L>::zeros();
+        for row in 0..rows {
+            let mut carried = SVector::<f64, L>::zeros();
+            for column in 0..rows {
+                carried += gain(column) * noise[row * rows + column];
+            }
+            of_noise += gain(row) * carried.transpose();
+        }
+        // of rank K M at most, perhaps less than L: what rounding may have taken from a pivot of zero is given back
+        let given_back = 1.0 + 16.0 * (rows + L) as f64 * f64::EPSILON;
+        for k in 0..L {
+            of_noise[(k, k)] *= given_back;
+        }
+        let of_noise = semidefinite(&symmetric(&of_noise), Step::Posterior)?;
+        let mut root = *of_noise.lower();
+        let rest = |index: usize| {
+            let deviation = &deviations[index * rows..(index + 1) * rows];
+            let mut rest = points.tangent(index);
+            for (row, value) in deviation.iter().enumerate() {
+                rest -= gain(row) * *value;
+            }
+            rest * ComplexField::sqrt(points.covariance_weight(index).abs())
+        };
+        for index in 1..points.count() {
+            update(&mut root, rest(index));
+        }
+        let centre = rest(0);
+        if points.covariance_weight(0) >= 0.0 {
+            update(&mut root, centre);
+        } else {
+            let before = prior.lower();
+            let length = |row: usize| before.row(row).norm();
+            downdate_rows::<L, 0>(&mut root, |row| centre[row], length)
+                .map_err(in_step(Step::Posterior))?;
+        }
+        let root = Cholesky::from_lower(&root).map_err(in_step(Step::Posterior))?;
+        self.set_state(self.mean().retract(&correction), root);
         Ok(fit)
     }
 }

@@ -134,7 +134,7 @@ impl<const L: usize> SigmaPoints<L> {
             Kind::Axes(distance) if index <= L => offset[index - 1] = distance,
             Kind::Axes(distance) => offset[index - 1 - L] = -distance,
             Kind::Simplex => {
-                // row j (from 1) of Julier's recursion: corners up to j share -1/ComplexField::sqrt(j (j + 1) w),
+                // row j (from 1) of Julier's recursion: corners up to j share -1/sqrt(j (j + 1) w),
                 // corner j + 1 has j times that with the other sign, later corners 0
                 for row in 0..L {
                     let j = row as f64 + 1.0;
@@ -158,6 +158,27 @@ impl<const L: usize> SigmaPoints<L> {
             Kind::Axes(distance) => root.column(index - 1 - L) * -distance,
             Kind::Simplex => root * self.offset(index),
         }
+    }
+
+    /// Pairs at this distance along each axis.
+    pub(crate) fn at_distance(distance: f64) -> Self {
+        Self {
+            kind: Kind::Axes(distance),
+            ..Self::axes(distance * distance, 0.0)
+        }
+    }
+
+    /// The axis that point `index` lies along, from 0; 0 for all points of a simplex, which move together.
+    pub(crate) const fn axis(&self, index: usize) -> usize {
+        match self.kind {
+            Kind::Axes(_) if index > 0 => (index - 1) % L,
+            _ => 0,
+        }
+    }
+
+    /// Whether the points lie along the axes, in pairs.
+    pub(crate) const fn has_axes(&self) -> bool {
+        matches!(self.kind, Kind::Axes(_))
     }
 
     fn axes(spread: f64, extra_covariance_weight: f64) -> Self {
@@ -202,7 +223,7 @@ pub(crate) fn axis_weights(
     })
 }
 
-/// alpha 1, beta 2, kappa 3 - L: spread ComplexField::sqrt(3) in every dimension, no negative weight in
+/// alpha 1, beta 2, kappa 3 - L: spread sqrt(3) in every dimension, no negative weight in
 /// covariances for L <= 9 and none in means for L <= 3.
 impl<const L: usize> Default for SigmaPoints<L> {
     fn default() -> Self {

@@ -9,17 +9,19 @@
 //! P_k^s = (P_k - G P^- G^T) + G P_(k+1)^s G^T
 //! ```
 //!
-//! Exact for linear models. The predictions are made again from the filtered states, so a filter need store nothing but
+//! The difference in brackets is formed as a sum of squares (`joint`). Exact for linear models. The predictions are made again from the filtered states, so a filter need store nothing but
 //! (m_k, P_k) after each update. On a manifold m_(k+1)^s - x^- is the tangent at x^-, taken
 //! as one at m_(k+1)^s for the covariances.
 
 use estimation_base::{Manifold, symmetric};
 use nalgebra::SMatrix;
 
-use crate::covariance::{check_posterior, definite, finite, require_symmetric};
+use crate::covariance::{covariance_root, finite};
 use crate::error::{Step, UkfError};
+use crate::joint::Joint;
+use crate::placed::Placed;
 use crate::sigma_points::SigmaPoints;
-use crate::transform::unscented_transform;
+use crate::transform::Images;
 
 /// A Gaussian state at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +40,7 @@ pub struct Estimate<X, const L: usize> {
 /// Cost: per state one prediction and about 4 L^3 multiplications; no allocation.
 ///
 /// # Errors
-/// [`UkfError::Length`] for slices of different lengths; as [`unscented_transform`] for a filtered state;
+/// [`UkfError::Length`] for slices of different lengths; as [`crate::unscented_transform`] for a filtered state;
 /// [`UkfError::Covariance`] for a predicted covariance that is only semidefinite. States after
 /// the failing one are then smoothed, `filtered` is as it was.
 pub fn rts_smooth<X: Manifold<L>, const L: usize>(
@@ -62,19 +64,22 @@ pub fn rts_smooth<X: Manifold<L>, const L: usize>(
     smoothed[filtered.len() - 1] = later.clone();
     for k in (0..filtered.len() - 1).rev() {
         let now = &filtered[k];
-        require_symmetric(&now.covariance, Step::SigmaPoints)?;
-        let noise = process_noise(k);
-        require_symmetric(&noise, Step::Prediction)?;
-        let predicted = unscented_transform(&now.mean, &now.covariance, set, |x| transition(k, x))?;
-        let covariance = symmetric(&(predicted.covariance + noise));
-        let root = definite(&covariance, Step::Prediction)?;
-        let gain = root
-            .solve(&predicted.cross_covariance.transpose())
+        let root = covariance_root(&now.covariance, Step::SigmaPoints)?;
+        let noise = covariance_root(&process_noise(k), Step::Prediction)?;
+        let points = Placed::new(&now.mean, root.lower(), set)?;
+        let images: Images<X, L, L> =
+            Images::new(&now.mean, &points, &mut |x: &X| transition(k, x))?;
+        let joint: Joint<L, L> = Joint::of_points(noise.lower(), points.count(), |index| {
+            let weight = points.covariance_weight(index);
+            (images.difference(index), points.tangent(index), weight)
+        })?;
+        let predicted = joint.z_root(Step::Prediction)?;
+        let gain = predicted
+            .solve_transposed(&joint.slope().transpose())
             .transpose();
-        let correction = gain * predicted.mean.local(&later.mean);
+        let correction = gain * images.mean.local(&later.mean);
 
-        let kept = symmetric(&(now.covariance - gain * covariance * gain.transpose()));
-        check_posterior(&kept, &now.covariance)?;
+        let kept = joint.rest(Step::Posterior)?.product();
         let carried = gain * later.covariance * gain.transpose();
         later = Estimate {
             mean: now.mean.retract(&correction),

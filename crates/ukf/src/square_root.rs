@@ -1,34 +1,32 @@
 //! The unscented Kalman filter in square-root form (van der Merwe and Wan 2001).
 //!
-//! It carries L with P = L L^T instead of P: half the digits suffice, and P cannot lose its
-//! positive semidefiniteness. With deviations d_i from the mean and the Cholesky factor N of the noise,
+//! It takes the factors of all covariances and gives the factor L of its own, P = L L^T: half the digits suffice, and P cannot
+//! lose its positive semidefiniteness. With deviations d_i from the mean and the Cholesky factor N of the noise,
 //!
 //! ```text
-//! predict:  L = tri [ sqrt(W_i) d_i ..., N ]                        then the centre, W_c0
-//! update:   L_S = tri [ sqrt(W_i) dz_i ..., N ]                     then the centre
-//!           K = P_xz (L_S L_S^T)^-1
-//!           L = tri [ sqrt(W_i) (dx_i - K dz_i) ..., K N ]          then the centre
+//! predict:  L = tri [ sqrt(W_i) d_i ..., N ]
+//! update:   [ L_S 0; K L_S L' ] = tri [ N sqrt(W_i) dz_i ...; 0 sqrt(W_i) dx_i ... ]
 //! ```
 //!
-//! where tri is the lower triangle of a QR factorisation, built row by row (`rank_one`). The last
-//! line is P - K S K^T written as a sum of squares, as Joseph's form does for a linear filter; the
-//! published form subtracts the columns of K L_S from L instead, which can fail by rounding when a
-//! measurement is far more precise than the prior. The centre point enters last: with W_c0 >= 0 as one
-//! more row, with W_c0 < 0 by a rank-one downdate, the only step that can fail, and an
-//! error that carries step and pivot then.
+//! where tri is the lower triangle of a QR factorisation, built row by row (`rank_one`, `joint`). The published form of the
+//! update subtracts the columns of K L_S from L instead, which can fail by rounding when a measurement is far more
+//! precise than the prior. The centre point enters last: with W_c0 >= 0 as one more row, with W_c0 < 0 by a rank-one
+//! downdate, the only step that can fail, and an error that carries step and pivot then.
 //!
-//! Noise is given as its factor ([`Cholesky`]), made once. Cost of a step: (2 L + 1) calls of the
-//! function and about 4 L^3 multiplications.
+//! [`crate::Ukf`] carries the same factor from step to step; it takes and shows covariances. Noise is given here as its
+//! factor ([`Cholesky`]), made once. Cost of a step: (2 L + 1) calls of the function and about 4 L^3 multiplications.
 
-use estimation_base::{Cholesky, CholeskyError, Manifold};
-use nalgebra::{ComplexField, SMatrix, SVector};
+use estimation_base::{Cholesky, Manifold};
+use nalgebra::SMatrix;
 
-use crate::covariance::{finite, in_step};
+use crate::covariance::finite;
 use crate::error::{Step, UkfError};
 use crate::innovation::Innovation;
-use crate::rank_one::{downdate, update};
+use crate::joint::root_of_squares;
+use crate::placed::Placed;
 use crate::sigma_points::SigmaPoints;
 use crate::transform::Images;
+use crate::update::correct;
 
 /// A Gaussian state, its covariance by its Cholesky factor, and its sigma points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,13 +71,14 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
         process_noise: &Cholesky<L>,
         mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
-        let images = Images::new(&self.mean, self.root.lower(), &self.set, &mut function)?;
-        let lower = self.spread(
-            |index| images.difference(index),
+        let points = Placed::new(&self.mean, self.root.lower(), &self.set)?;
+        let images = Images::new(&self.mean, &points, &mut function)?;
+        self.root = root_of_squares(
             process_noise.lower(),
+            points.count(),
+            |index| (images.difference(index), points.covariance_weight(index)),
             Step::Prediction,
         )?;
-        self.root = Cholesky::from_lower(&lower).map_err(in_step(Step::Prediction))?;
         self.mean = images.mean;
         Ok(())
     }
@@ -96,67 +95,16 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
         measurement_noise: &Cholesky<M>,
         mut function: impl FnMut(&X) -> Z,
     ) -> Result<Innovation<M>, UkfError> {
-        let images = Images::new(&self.mean, self.root.lower(), &self.set, &mut function)?;
-        let innovation = images.mean.local(measurement);
-        let innovation = finite(innovation, Step::Innovation, "the measurement")?;
-        let lower = self.spread(
-            |index| images.difference(index),
-            measurement_noise.lower(),
-            Step::Innovation,
+        let corrected = correct(
+            &self.mean,
+            &self.root,
+            &self.set,
+            measurement,
+            measurement_noise,
+            &mut function,
         )?;
-        if let Some(pivot) = (0..M).find(|&k| lower[(k, k)] <= 0.0) {
-            return Err(in_step(Step::Innovation)(
-                CholeskyError::NotPositiveDefinite {
-                    pivot,
-                    value: lower[(pivot, pivot)],
-                    required: 0.0,
-                },
-            ));
-        }
-        let root = Cholesky::from_lower(&lower).map_err(in_step(Step::Innovation))?;
-
-        let tangent = |index: usize| self.set.tangent(self.root.lower(), index);
-        let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
-        for index in 1..self.set.count() {
-            let weight = self.set.covariance_weight(index);
-            let weighted = images.difference(index) * weight;
-            cross_covariance.ger(1.0, &tangent(index), &weighted, 1.0);
-        }
-        let gain = root.solve(&cross_covariance.transpose()).transpose();
-        // the noise first: K N has M columns
-        let posterior = self.spread(
-            |index| tangent(index) - gain * images.difference(index),
-            &(gain * measurement_noise.lower()),
-            Step::Posterior,
-        )?;
-
-        self.root = Cholesky::from_lower(&posterior).map_err(in_step(Step::Posterior))?;
-        self.mean = self.mean.retract(&(gain * innovation));
-        Ok(Innovation::new(innovation, root.product(), &root))
-    }
-
-    /// The lower factor of sum W_c d d^T + noise noise^T.
-    fn spread<const N: usize, const K: usize>(
-        &self,
-        difference: impl Fn(usize) -> SVector<f64, N>,
-        noise: &SMatrix<f64, N, K>,
-        step: Step,
-    ) -> Result<SMatrix<f64, N, N>, UkfError> {
-        let mut lower = SMatrix::<f64, N, N>::zeros();
-        for column in noise.column_iter() {
-            update(&mut lower, column.into_owned());
-        }
-        for index in 1..self.set.count() {
-            let weight = self.set.covariance_weight(index);
-            update(&mut lower, difference(index) * ComplexField::sqrt(weight));
-        }
-        let weight = self.set.covariance_weight(0);
-        let centre = difference(0) * ComplexField::sqrt(weight.abs());
-        if weight >= 0.0 {
-            update(&mut lower, centre);
-        } else {
-            downdate(&mut lower, &centre).map_err(in_step(step))?;
-        }
-        Ok(lower)
+        self.root = corrected.root;
+        self.mean = self.mean.retract(&corrected.correction);
+        Ok(corrected.innovation)
     }
 }

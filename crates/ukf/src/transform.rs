@@ -1,6 +1,7 @@
 //! The unscented transform: mean and covariance of y = f(x) for a Gaussian x (Eq. 3-6).
 //!
-//! 1. sigma points x_i = m + S u_i with P = S S^T ([`crate::SigmaPoints`]);
+//! 1. sigma points x_i = m + S u_i with P = S S^T ([`crate::SigmaPoints`]), each checked to be where its tangent says and
+//!    moved in where the space folds (`placed`);
 //! 2. y_i = f(x_i);
 //! 3. mean of the y_i, covariance sum W_c (y_i - y)(y_i - y)^T, cross covariance
 //!    sum W_c (x_i - m)(y_i - y)^T. Noise is the caller's to add.
@@ -18,6 +19,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::covariance::{finite, semidefinite};
 use crate::error::{Step, UkfError};
+use crate::placed::Placed;
 use crate::sigma_points::SigmaPoints;
 
 /// Refinements of a mean on a manifold; each squares the error, so the cap is never met.
@@ -40,7 +42,7 @@ pub struct Transformed<Y, const L: usize, const M: usize> {
 ///
 /// # Errors
 /// [`UkfError::Covariance`] for an indefinite covariance (a semidefinite one is accepted) or one that is not finite,
-/// [`UkfError::NotFinite`] for NaN or infinity in the mean or a value.
+/// [`UkfError::TooWide`] for a heading beyond about 4.9 rad (default points), [`UkfError::NotFinite`] for NaN or infinity in the mean or a value.
 pub fn unscented_transform<X, Y, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<f64, L, L>,
@@ -52,14 +54,17 @@ where
     Y: Manifold<M>,
 {
     let root = semidefinite(covariance, Step::SigmaPoints)?;
-    let images = Images::new(mean, root.lower(), set, &mut function)?;
+    let points = Placed::new(mean, root.lower(), set)?;
+    let images = Images::new(mean, &points, &mut function)?;
     let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
-    for index in 0..set.count() {
+    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
+    for index in 0..points.count() {
         // in place: no matrix for each point
-        let weighted = images.difference(index) * set.covariance_weight(index);
-        cross_covariance.ger(1.0, &set.tangent(root.lower(), index), &weighted, 1.0);
+        let difference = images.difference(index);
+        let weighted = difference * points.covariance_weight(index);
+        cross_covariance.ger(1.0, &points.tangent(index), &weighted, 1.0);
+        image_covariance.ger(1.0, &difference, &weighted, 1.0);
     }
-    let image_covariance = images.covariance(set);
     Ok(Transformed {
         mean: images.mean,
         covariance: image_covariance,
@@ -78,17 +83,16 @@ pub(crate) struct Images<Y, const L: usize, const M: usize> {
 }
 
 impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
-    /// The values at m + `root` u_i.
+    /// The values at the points around `mean`.
     pub(crate) fn new<X: Manifold<L>>(
         mean: &X,
-        root: &SMatrix<f64, L, L>,
-        set: &SigmaPoints<L>,
+        points: &Placed<'_, L>,
         function: &mut impl FnMut(&X) -> Y,
     ) -> Result<Self, UkfError> {
         let centre = function(mean);
         let mut image = |index: usize| {
-            if index < set.count() {
-                function(&mean.retract(&set.tangent(root, index)))
+            if index < points.count() {
+                function(&mean.retract(&points.tangent(index)))
             } else {
                 centre.clone()
             }
@@ -101,8 +105,8 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
             first,
             second,
         };
-        images.mean = mean_of_points(&images.centre, set.count(), |index| {
-            (images.at(index), set.mean_weight(index))
+        images.mean = mean_of_points(&images.centre, points.count(), |index| {
+            (images.at(index), points.mean_weight(index))
         })?;
         Ok(images)
     }
@@ -110,17 +114,6 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
     /// From the mean of the values to the value at point `index`.
     pub(crate) fn difference(&self, index: usize) -> SVector<f64, M> {
         self.mean.local(self.at(index))
-    }
-
-    /// Their covariance about the mean.
-    pub(crate) fn covariance(&self, set: &SigmaPoints<L>) -> SMatrix<f64, M, M> {
-        let mut covariance = SMatrix::<f64, M, M>::zeros();
-        for index in 0..set.count() {
-            let difference = self.difference(index);
-            let weighted = difference * set.covariance_weight(index);
-            covariance.ger(1.0, &difference, &weighted, 1.0);
-        }
-        covariance
     }
 
     fn at(&self, index: usize) -> &Y {

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! S = P_zz + R
-//! K = P_xz S^-1                                  (solved, not inverted)
+//! K = P_xz S^-1
 //! x' = x + K (z - z^)
-//! P' = P - K S K^T                               (symmetrised)
+//! P' = P - K S K^T
 //! ```
 //!
 //! with z^, P_zz, P_xz from the unscented transform of (x, P) through h. The paper prints the
@@ -12,18 +12,21 @@
 //! R must enter S, or the filter ignores its sensor's noise; without a positive definite S there
 //! is no update.
 //!
-//! P' is symmetric, and checked positive semidefinite: with non-negative covariance weights it always is,
-//! with a negative one (alpha far below 1, beta 0) it may not be, which is an error.
-//! On a manifold the small change of tangent between x and x' is neglected.
+//! P' is not formed by that difference, which loses its sign where a measurement is far more precise than the prior, but
+//! as a sum of squares (`joint`): it is positive semidefinite, and right while standard deviations are within
+//! 1e16 of one another. With a centre of negative weight (alpha far below 1, beta 0) there may be no such sum, which is an
+//! error. On a manifold the small change of tangent between x and x' is neglected.
 
-use estimation_base::{Manifold, symmetric};
+use estimation_base::{Cholesky, Manifold};
 use nalgebra::{SMatrix, SVector};
 
-use crate::covariance::{check_posterior, definite, finite, require_symmetric};
+use crate::covariance::covariance_root;
 use crate::error::{Step, UkfError};
 use crate::innovation::Innovation;
+use crate::joint::{Corrected, Joint};
+use crate::placed::Placed;
 use crate::sigma_points::SigmaPoints;
-use crate::transform::{Transformed, unscented_transform};
+use crate::transform::Images;
 
 /// A Gaussian after a measurement, and how well the measurement fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,53 +68,49 @@ pub fn unscented_update<const L: usize, const M: usize>(
 ///
 /// # Errors
 /// [`UkfError::NotFinite`] for NaN or infinity in mean, measurement or a value of the function;
-/// [`UkfError::Covariance`], with the step, for a covariance or noise that is not symmetric or not finite, and with the
-/// pivot where the covariance given, S, or the covariance after the update is not positive definite.
+/// [`UkfError::TooWide`] as [`crate::unscented_transform`]; [`UkfError::Covariance`], with the step, for a covariance or noise
+/// that is not symmetric, not finite or not positive semidefinite, and with the pivot where S is not positive definite or a
+/// centre of negative weight takes more than the other points hold.
 pub fn unscented_correction<X, Z, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<f64, L, L>,
     set: &SigmaPoints<L>,
     measurement: &Z,
     noise: &SMatrix<f64, M, M>,
-    function: impl FnMut(&X) -> Z,
+    mut function: impl FnMut(&X) -> Z,
 ) -> Result<Update<X, L, M>, UkfError>
 where
     X: Manifold<L>,
     Z: Manifold<M>,
 {
-    require_symmetric(covariance, Step::SigmaPoints)?;
-    require_symmetric(noise, Step::Innovation)?;
-    let mut predicted = unscented_transform(mean, covariance, set, function)?;
-    predicted.covariance += noise;
-    correct(mean, covariance, &predicted, measurement)
+    let root = covariance_root(covariance, Step::SigmaPoints)?;
+    let noise = covariance_root(noise, Step::Innovation)?;
+    let corrected = correct(mean, &root, set, measurement, &noise, &mut function)?;
+    Ok(Update {
+        mean: mean.retract(&corrected.correction),
+        covariance: corrected.root.product(),
+        innovation: corrected.innovation,
+    })
 }
 
-/// The update from a predicted measurement whose covariance holds the noise already.
+/// The update of a Gaussian whose factor is known, by a measurement whose noise is.
 pub(crate) fn correct<X, Z, const L: usize, const M: usize>(
     mean: &X,
-    covariance: &SMatrix<f64, L, L>,
-    predicted: &Transformed<Z, L, M>,
+    root: &Cholesky<L>,
+    set: &SigmaPoints<L>,
     measurement: &Z,
-) -> Result<Update<X, L, M>, UkfError>
+    noise: &Cholesky<M>,
+    function: &mut impl FnMut(&X) -> Z,
+) -> Result<Corrected<M, L>, UkfError>
 where
     X: Manifold<L>,
     Z: Manifold<M>,
 {
-    let difference = predicted.mean.local(measurement);
-    let difference = finite(difference, Step::Innovation, "the measurement")?;
-    let innovation_covariance = symmetric(&predicted.covariance);
-    let factor = definite(&innovation_covariance, Step::Innovation)?;
-
-    let gain = factor
-        .solve(&predicted.cross_covariance.transpose())
-        .transpose();
-    let correction = gain * difference;
-    let reduced = covariance - gain * innovation_covariance * gain.transpose();
-    let reduced = symmetric(&reduced);
-    check_posterior(&reduced, covariance)?;
-    Ok(Update {
-        mean: mean.retract(&correction),
-        covariance: reduced,
-        innovation: Innovation::new(difference, innovation_covariance, &factor),
-    })
+    let points = Placed::new(mean, root.lower(), set)?;
+    let images = Images::new(mean, &points, function)?;
+    let joint = Joint::of_points(noise.lower(), points.count(), |index| {
+        let weight = points.covariance_weight(index);
+        (images.difference(index), points.tangent(index), weight)
+    })?;
+    joint.given(images.mean.local(measurement))
 }

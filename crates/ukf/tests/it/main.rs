@@ -1,11 +1,13 @@
 //! Integration tests of the crate, one binary.
 
+mod conditioning;
 mod consistency;
 mod linear;
 mod oracle;
 mod smoother;
 mod square_root;
 mod val_filterpy;
+mod wide_angles;
 
 use ukf::{CholeskyError, Step, UkfError};
 

@@ -282,7 +282,7 @@ fn bad_input_is_an_error_and_the_state_stays() {
             .update(&Vector1::new(0.0), &SMatrix::<f64, 1, 1>::new(-3.0), first)
             .map_err(lost_pivot)
             .map(|_| ()),
-        Err(Some((Step::Innovation, 0, -2.0)))
+        Err(Some((Step::Innovation, 0, -3.0)))
     );
     let shrink = Matrix2::new(0.0, 0.0, 0.0, -5.0);
     assert_eq!(
@@ -290,7 +290,7 @@ fn bad_input_is_an_error_and_the_state_stays() {
             .predict(&shrink, |x| *x)
             .map_err(lost_pivot)
             .map(|_| ()),
-        Err(Some((Step::Prediction, 1, -4.0)))
+        Err(Some((Step::Prediction, 1, -5.0)))
     );
     assert_eq!(filter, before);
 
