@@ -10,7 +10,7 @@ use mono_geometry::triangulation::{
     Acceptance, Observation, correct_match, triangulate, triangulate_two_views,
 };
 use mono_geometry::{
-    Camera, Distortion, Mount, Pinhole, PlacedCamera, Se2, Se3, epipolar, inverse_depth,
+    Camera, Distortion, Mount, NoiseShape, Pinhole, PlacedCamera, Se2, Se3, epipolar, inverse_depth,
 };
 use nalgebra::{DMatrix, Vector2, Vector3};
 
@@ -26,6 +26,7 @@ fn poses(criterion: &mut Criterion, pinhole: &Pinhole) {
                 pixel_ideal: pinhole.project(&across).expect("in front")
                     + Vector2::new((f64::from(k) * 1.7).sin(), (f64::from(k) * 2.9).cos()) * 0.5,
                 sigma_px: 0.5,
+                shape: NoiseShape::ROUND,
             }
         })
         .collect();
@@ -89,6 +90,7 @@ fn benches(criterion: &mut Criterion) {
                     camera_from_world,
                     pixel_ideal: seen + Vector2::new(0.3, -0.2) * f64::from(k % 3),
                     sigma_px: 0.5,
+                    shape: NoiseShape::ROUND,
                 }
             })
             .collect();

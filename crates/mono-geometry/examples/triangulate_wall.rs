@@ -5,7 +5,7 @@
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
-use mono_geometry::{Mount, Pinhole, Se2};
+use mono_geometry::{Mount, NoiseShape, Pinhole, Se2};
 use nalgebra::{Matrix3, Vector3};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -38,6 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             camera_from_world,
             pixel_ideal,
             sigma_px: 0.5,
+            shape: NoiseShape::ROUND,
         });
         match triangulate(&pinhole, &observations, &Acceptance::default()) {
             Ok(found) => println!(

@@ -1,10 +1,16 @@
 //! The one error type of the crate: what was given, and what would have been accepted.
 
+use estimation_base::Readable;
+
 /// Why a geometric quantity could not be built or computed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum GeometryError {
     /// A scalar parameter is outside its range (or not finite).
-    #[error("{name} is {value}, required: {required}")]
+    #[error(
+        "{name} is {}, required: {required}",
+        Readable(*.value)
+    )]
     InvalidParameter {
         /// Name of the parameter, with its unit if it has one.
         name: &'static str,
@@ -15,7 +21,13 @@ pub enum GeometryError {
     },
     /// A pixel or distorted point has no undistorted counterpart: the lens model folds over before it.
     #[error(
-        "distorted point ({x}, {y}) is outside the invertible field of the lens model: the nearest source, at radius {radius} (required: below {field_radius}), leaves {residual} (required: at most {tolerance})"
+        "distorted point ({}, {}) is outside the invertible field of the lens model: the nearest source, at radius {} (required: below {}), leaves {} (required: at most {})",
+        Readable(*.x),
+        Readable(*.y),
+        Readable(*.radius),
+        Readable(*.field_radius),
+        Readable(*.residual),
+        Readable(*.tolerance)
     )]
     OutsideInvertibleField {
         /// Distorted normalised x, without unit.
@@ -33,7 +45,10 @@ pub enum GeometryError {
     },
     /// A 3x3 matrix is not a proper rotation.
     #[error(
-        "not a rotation: largest entry of |R^T R - I| is {deviation} (at most {tolerance}), determinant {determinant} (required: +1)"
+        "not a rotation: largest entry of |R^T R - I| is {} (at most {}), determinant {} (required: +1)",
+        Readable(*.deviation),
+        Readable(*.tolerance),
+        Readable(*.determinant)
     )]
     NotARotation {
         /// Largest absolute entry of `R^T R - I`.
@@ -44,7 +59,11 @@ pub enum GeometryError {
         determinant: f64,
     },
     /// A symmetric matrix is not positive definite.
-    #[error("not positive definite: pivot {pivot} is {value}, required: above {required}")]
+    #[error(
+        "not positive definite: pivot {pivot} is {}, required: above {}",
+        Readable(*.value),
+        Readable(*.required)
+    )]
     NotPositiveDefinite {
         /// Index of the first offending pivot.
         pivot: usize,
@@ -74,7 +93,10 @@ pub enum GeometryError {
         columns: usize,
     },
     /// One entry of a list cannot be used.
-    #[error("{list} {index}: {name} is {value}, required: {required}")]
+    #[error(
+        "{list} {index}: {name} is {}, required: {required}",
+        Readable(*.value)
+    )]
     InvalidElement {
         /// Name of an element of the list, in the singular.
         list: &'static str,
@@ -89,7 +111,9 @@ pub enum GeometryError {
     },
     /// The measurements leave a motion of the whole free (gauge), so there is no covariance.
     #[error(
-        "the measurements leave a direction free: information {value} (pivot) at coordinate {coordinate} of pose {pose}, required: above {required} (fix a pose or add a prior; the scale needs odometry or a second one)"
+        "the measurements leave a direction free: information {} (pivot) at coordinate {coordinate} of pose {pose}, required: above {} (fix a pose or add a prior; the scale needs odometry or a second one)",
+        Readable(*.value),
+        Readable(*.required)
     )]
     GaugeFree {
         /// Index of the pose.

@@ -14,6 +14,8 @@
 //!
 //! Source: Levenberg (1944), Marquardt (1963); Madsen, Nielsen and Tingleff (2004), algorithm 3.16.
 
+use estimation_base::Readable;
+
 /// Damping below this is no damping: one unit in the last place of the diagonal.
 const MIN_DAMPING: f64 = f64::EPSILON;
 
@@ -22,6 +24,7 @@ const MAX_DAMPING: f64 = 1e12;
 
 /// Why a minimisation ended: the measured value and the one it was compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Termination {
     /// The gradient is small enough.
     Gradient {
@@ -72,6 +75,57 @@ pub enum Termination {
         /// Decrease of the cost in the last step taken, relative to the cost before (1 if none was taken).
         relative: f64,
     },
+}
+
+impl std::fmt::Display for Termination {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut say = |what: &str, value: f64, than: &str, bound: f64| {
+            write!(f, "{what} {}, {than} {}", Readable(value), Readable(bound))
+        };
+        match *self {
+            Self::Gradient { largest, threshold } => {
+                say("the gradient is", largest, "small enough below", threshold)
+            }
+            Self::Step { length, threshold } => {
+                say("the next step is", length, "short enough below", threshold)
+            }
+            Self::PredictedDecrease {
+                decrease,
+                threshold,
+            } => say(
+                "the next step would lower the cost by",
+                decrease,
+                "as good as nothing below",
+                threshold,
+            ),
+            Self::CostChange {
+                relative,
+                threshold,
+            } => say(
+                "the last step lowered the cost by a share of",
+                relative,
+                "as good as nothing below",
+                threshold,
+            ),
+            Self::Exact { cost, threshold } => {
+                say("the cost is", cost, "rounding errors below", threshold)
+            }
+            Self::Stalled { damping, limit } => say(
+                "no step lowers the cost at a damping of",
+                damping,
+                "the largest allowed is",
+                limit,
+            ),
+            Self::IterationLimit {
+                iterations,
+                relative,
+            } => write!(
+                f,
+                "{iterations} steps were used up, the last one lowered the cost by a share of {}",
+                Readable(relative)
+            ),
+        }
+    }
 }
 
 impl Termination {

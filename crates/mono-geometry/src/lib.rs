@@ -14,7 +14,7 @@
 //!
 //! ```
 //! use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
-//! use mono_geometry::{Mount, Pinhole, Se2};
+//! use mono_geometry::{Mount, NoiseShape, Pinhole, Se2};
 //! use nalgebra::Vector3;
 //!
 //! let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 320.0, cy: 240.0 };
@@ -24,7 +24,7 @@
 //! let sightings = [-0.2, 0.2].map(|y| {
 //!     let camera_from_world = mount.world_from_camera(&Se2::new(0.0, y, 0.0), 0.0, 0.0, 0.0).inverse();
 //!     let pixel_ideal = pinhole.project(&camera_from_world.transform_point(&landmark)).expect("in front");
-//!     Observation { camera_from_world, pixel_ideal, sigma_px: 0.5 }
+//!     Observation { camera_from_world, pixel_ideal, sigma_px: 0.5, shape: NoiseShape::ROUND }
 //! });
 //! let found = triangulate(&pinhole, &sightings, &Acceptance::default())?;
 //! assert!((found.point - landmark).norm() < 1e-9);
@@ -58,6 +58,7 @@ mod least_squares;
 pub mod linalg;
 pub mod motion;
 mod mount;
+mod noise_shape;
 mod placed_camera;
 pub mod pnp;
 pub mod ransac;
@@ -74,6 +75,7 @@ pub use error::GeometryError;
 pub use estimation_base::Se2;
 pub use least_squares::{Iteration, Termination};
 pub use mount::{Mount, tilted_body_axes, world_from_tilted_body};
+pub use noise_shape::NoiseShape;
 pub use placed_camera::PlacedCamera;
 pub use robust_loss::{Loss, RobustLoss};
 pub use se3::Se3;

@@ -8,6 +8,7 @@ use nalgebra::Vector2;
 
 use super::pose::BundlePose;
 use super::problem::Problem;
+use crate::noise_shape::NoiseShape;
 
 /// Marks an observation from a fixed pose.
 pub(super) const NO_LINK: usize = usize::MAX;
@@ -19,7 +20,8 @@ pub(super) struct Sighting {
     /// Index of its link, [`NO_LINK`] for a fixed pose.
     pub(super) link: usize,
     pub(super) pixel: Vector2<f64>,
-    pub(super) inverse_sigma: f64,
+    pub(super) sigma_px: f64,
+    pub(super) shape: NoiseShape,
     /// Index in the list of the caller.
     pub(super) given: usize,
 }
@@ -95,7 +97,8 @@ impl Layout {
                     pose: o.pose,
                     link,
                     pixel: o.pixel_ideal,
-                    inverse_sigma: 1.0 / o.sigma_px,
+                    sigma_px: o.sigma_px,
+                    shape: o.shape,
                     given,
                 });
             }

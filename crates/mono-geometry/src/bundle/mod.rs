@@ -15,7 +15,7 @@
 //!
 //! ```
 //! use mono_geometry::bundle::{Options, PixelObservation, PlanarProblem, adjust};
-//! use mono_geometry::{Mount, Pinhole, Se2};
+//! use mono_geometry::{Mount, NoiseShape, Pinhole, Se2};
 //! use nalgebra::Vector3;
 //!
 //! let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 320.0, cy: 240.0 };
@@ -30,7 +30,7 @@
 //!     for (pose, body) in truth.iter().enumerate() {
 //!         let camera = mount.world_from_camera(body, 0.0, 0.0, 0.0).inverse();
 //!         let pixel_ideal = pinhole.project(&camera.transform_point(&point)).expect("in front");
-//!         problem.observations.push(PixelObservation { pose, landmark, pixel_ideal, sigma_px: 0.5 });
+//!         problem.observations.push(PixelObservation { pose, landmark, pixel_ideal, sigma_px: 0.5, shape: NoiseShape::ROUND });
 //!     }
 //!     problem.landmarks.push(point + Vector3::new(0.3, -0.1, 0.05));
 //! }

@@ -134,10 +134,11 @@ pub(super) fn cost<P: BundlePose<D>, const D: usize>(
         for seen in &layout.sightings[range[0].sighting..range[1].sighting] {
             let (rotation, translation) = &estimate.cameras[seen.pose];
             let in_camera = rotation * point + translation;
-            let residual = project(&problem.pinhole, &in_camera, &seen.pixel).ok_or(Behind {
+            let pixel = project(&problem.pinhole, &in_camera).ok_or(Behind {
                 observation: seen.given,
                 depth_m: in_camera.z,
-            })? * seen.inverse_sigma;
+            })?;
+            let residual = seen.shape.residual(&seen.pixel, &pixel, seen.sigma_px);
             twice += loss.at(residual.norm_squared()).rho;
         }
     }
@@ -245,14 +246,16 @@ impl<const D: usize> Normal<D> {
             for seen in &layout.sightings[range[0].sighting..range[1].sighting] {
                 let (rotation, translation) = &estimate.cameras[seen.pose];
                 let in_camera = rotation * point + translation;
-                let (residual, by_camera) = linearise(&problem.pinhole, &in_camera, &seen.pixel)
-                    .ok_or(Behind {
-                        observation: seen.given,
-                        depth_m: in_camera.z,
-                    })?;
-                let residual = residual * seen.inverse_sigma;
+                let (pixel, by_camera) = linearise(&problem.pinhole, &in_camera).ok_or(Behind {
+                    observation: seen.given,
+                    depth_m: in_camera.z,
+                })?;
+                let (fit, by_camera) =
+                    seen.shape
+                        .whitened(&seen.pixel, &pixel, &by_camera, seen.sigma_px);
+                // the bundle's residuals are prediction less measurement
+                let residual = -fit;
                 let weight = loss.at(residual.norm_squared()).weight;
-                let by_camera = by_camera * seen.inverse_sigma;
                 let by_point = by_camera * rotation;
                 let weighted_point = by_point * weight;
                 v += by_point.tr_mul(&weighted_point);
@@ -306,17 +309,13 @@ impl<const D: usize> Normal<D> {
 
 /// Predicted minus seen pixel; `None` behind the camera or where the pixel overflows.
 #[inline]
-fn project(
-    pinhole: &Pinhole,
-    in_camera: &Vector3<f64>,
-    seen: &Vector2<f64>,
-) -> Option<Vector2<f64>> {
+fn project(pinhole: &Pinhole, in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
     let inverse_depth = 1.0 / in_camera.z;
-    let residual = Vector2::new(
-        pinhole.fx * (in_camera.x * inverse_depth) + pinhole.cx - seen.x,
-        pinhole.fy * (in_camera.y * inverse_depth) + pinhole.cy - seen.y,
+    let pixel = Vector2::new(
+        pinhole.fx * (in_camera.x * inverse_depth) + pinhole.cx,
+        pinhole.fy * (in_camera.y * inverse_depth) + pinhole.cy,
     );
-    (in_camera.z > 0.0 && (residual.x + residual.y).is_finite()).then_some(residual)
+    (in_camera.z > 0.0 && (pixel.x + pixel.y).is_finite()).then_some(pixel)
 }
 
 /// [`project`] with the derivative by the point in camera axes.
@@ -324,9 +323,8 @@ fn project(
 fn linearise(
     pinhole: &Pinhole,
     in_camera: &Vector3<f64>,
-    seen: &Vector2<f64>,
 ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
-    let residual = project(pinhole, in_camera, seen)?;
+    let pixel = project(pinhole, in_camera)?;
     let inverse_depth = 1.0 / in_camera.z;
     let (fx, fy) = (pinhole.fx * inverse_depth, pinhole.fy * inverse_depth);
     let jacobian = Matrix2x3::new(
@@ -337,5 +335,5 @@ fn linearise(
         fy,
         -fy * (in_camera.y * inverse_depth),
     );
-    Some((residual, jacobian))
+    Some((pixel, jacobian))
 }

@@ -11,6 +11,7 @@ use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::linalg::cholesky;
 use crate::motion::Increment;
+use crate::noise_shape::NoiseShape;
 use crate::se3::Se3;
 
 /// A landmark seen in one image.
@@ -22,8 +23,11 @@ pub struct PixelObservation {
     pub landmark: usize,
     /// Where it is seen, in ideal (undistorted) pixels.
     pub pixel_ideal: Vector2<f64>,
-    /// Standard deviation of each coordinate, pixels, above zero.
+    /// Standard deviation of each coordinate, pixels, above zero: of the distorted pixel, if `shape` is that of a lens.
     pub sigma_px: f64,
+    /// The shape of the noise: [`NoiseShape::ROUND`], or what the lens makes of it
+    /// ([`crate::Camera::undistort_with_shape`]).
+    pub shape: NoiseShape,
 }
 
 /// A measured motion between two poses: from^-1 * to = motion * exp(delta), delta ~ N(0, covariance).

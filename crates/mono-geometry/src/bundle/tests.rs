@@ -12,6 +12,7 @@ use super::problem::{
 };
 use super::schur::Schur;
 use crate::camera::Pinhole;
+use crate::noise_shape::NoiseShape;
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
 use crate::so3;
@@ -243,6 +244,7 @@ fn small<P: BundlePose<D>, const D: usize>(poses: [P; 3]) -> Problem<P, D> {
                 landmark,
                 pixel_ideal: pixel + Vector2::new(next(2.0), next(2.0)),
                 sigma_px: 0.5 + 0.1 * landmark as f64,
+                shape: NoiseShape::ROUND,
             });
         }
     }

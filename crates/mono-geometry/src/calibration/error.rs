@@ -4,6 +4,7 @@ use crate::error::GeometryError;
 
 /// Why there is no calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CalibrationError {
     /// Not enough views can be used: a plane gives two constraints on the camera, and four parameters are unknown.
     #[error("{usable} of {given} views can be used, required: at least {required}")]

@@ -1,5 +1,7 @@
 //! Reasons to doubt a calibration: parameters that the views do not constrain, and views that do not fit.
 
+use estimation_base::Readable;
+
 use crate::least_squares::Termination;
 
 /// One doubt, with the measured value and the limit it broke.
@@ -14,13 +16,18 @@ pub enum CalibrationWarning {
         reason: SkipReason,
     },
     /// The refinement did not end in a minimum.
-    #[error("the refinement did not converge: {termination:?}")]
+    #[error("the refinement did not converge: {termination}")]
     NotConverged {
         /// How it ended.
         termination: Termination,
     },
     /// The standard deviation of a parameter is large against what matters.
-    #[error("{name} = {value} has a standard deviation of {sigma}, required: at most {limit}")]
+    #[error(
+        "{name} = {} has a standard deviation of {}, required: at most {}",
+        Readable(*.value),
+        Readable(*.sigma),
+        Readable(*.limit)
+    )]
     WeakParameter {
         /// Its name.
         name: &'static str,
@@ -34,7 +41,9 @@ pub enum CalibrationWarning {
     /// A combination of parameters is known less well than any limit allows: the direction in which the views constrain
     /// the camera least.
     #[error(
-        "the views do not constrain the combination {}: standard deviation {sigmas_over_limit} times the limit", combination(.terms)
+        "the views do not constrain the combination {}: standard deviation {} times the limit",
+        combination(.terms),
+        Readable(*.sigmas_over_limit)
     )]
     WeakCombination {
         /// Parameters that take part (share above 0.3 of the unit vector), the largest first. Shares are in units of
@@ -45,7 +54,9 @@ pub enum CalibrationWarning {
     },
     /// Two parameters can hardly be told apart.
     #[error(
-        "{first} and {second} are correlated by {correlation}, required: at most {limit} in magnitude"
+        "{first} and {second} are correlated by {}, required: at most {} in magnitude",
+        Readable(*.correlation),
+        Readable(*.limit)
     )]
     Correlated {
         /// Name of the first.
@@ -59,7 +70,9 @@ pub enum CalibrationWarning {
     },
     /// The planes of the target are nearly parallel in all views.
     #[error(
-        "the target planes differ by at most {largest_angle_rad} rad, required: {required_rad} rad"
+        "the target planes differ by at most {} rad, required: {} rad",
+        Readable(*.largest_angle_rad),
+        Readable(*.required_rad)
     )]
     ViewsNearlyParallel {
         /// Angle between the two most different planes, radians.
@@ -69,7 +82,10 @@ pub enum CalibrationWarning {
     },
     /// The corners stay far inside the image: the lens is known only there.
     #[error(
-        "corners reach {corner_radius_px} px from the principal point, the image {image_radius_px} px, required: a share of {required_share}"
+        "corners reach {} px from the principal point, the image {} px, required: a share of {}",
+        Readable(*.corner_radius_px),
+        Readable(*.image_radius_px),
+        Readable(*.required_share)
     )]
     DistortionExtrapolated {
         /// Distance of the outermost corner from the principal point, pixels.
@@ -81,7 +97,10 @@ pub enum CalibrationWarning {
     },
     /// A view fits much worse than the others.
     #[error(
-        "view {view} has a residual of {rms_px} px, the median view {median_rms_px} px, required: at most {limit} times as much"
+        "view {view} has a residual of {} px, the median view {} px, required: at most {} times as much",
+        Readable(*.rms_px),
+        Readable(*.median_rms_px),
+        Readable(*.limit)
     )]
     ViewResidual {
         /// Index of the view.
@@ -97,6 +116,7 @@ pub enum CalibrationWarning {
 
 /// Why a view was left out.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SkipReason {
     /// Too few corners for a homography.
     #[error("{corners} corners, required: at least 4")]

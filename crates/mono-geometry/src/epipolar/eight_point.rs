@@ -36,6 +36,7 @@ pub struct LinearFundamental {
 
 /// Why there is no fundamental matrix.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoFundamental {
     /// Too few matches.
     #[error("{given} matches, required: at least {required}")]

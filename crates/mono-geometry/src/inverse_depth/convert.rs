@@ -13,6 +13,7 @@
 //! Degenerate: at a parallax of 90 degrees L is zero however uncertain the depth: the index asks only what that view
 //! sees. Take the view in which the point is to be used.
 
+use estimation_base::Readable;
 use nalgebra::{Matrix3, Vector3};
 
 use super::point::InverseDepthPoint;
@@ -23,10 +24,13 @@ pub const CONVERSION_LINEARITY_INDEX: f64 = 0.1;
 
 /// Why a point has no Euclidean Gaussian yet.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NotYet {
     /// The point is at infinity or beyond.
     #[error(
-        "inverse depth {rho} 1/m has no finite point (standard deviation {sigma_rho} 1/m), required: above 0"
+        "inverse depth {} 1/m has no finite point (standard deviation {} 1/m), required: above 0",
+        Readable(*.rho),
+        Readable(*.sigma_rho)
     )]
     AtInfinity {
         /// Inverse depth, 1/m.
@@ -35,7 +39,11 @@ pub enum NotYet {
         sigma_rho: f64,
     },
     /// The depth is too uncertain for a Gaussian in metres.
-    #[error("linearity index {linearity_index} is too large, required: at most {required}")]
+    #[error(
+        "linearity index {} is too large, required: at most {}",
+        Readable(*.linearity_index),
+        Readable(*.required)
+    )]
     NotLinear {
         /// The index of [`InverseDepthPoint::linearity_index`]; infinite for an unusable variance.
         linearity_index: f64,

@@ -18,7 +18,7 @@
 //!
 //! Source: Civera, Davison and Montiel (2008), with the anchor's pose known.
 
-use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
 use super::pixel::in_front;
 use super::view::LandmarkView;
@@ -206,6 +206,24 @@ pub fn first_sighting(
         Vector3::new(normalized.x, normalized.y, rho),
         Matrix3::from_diagonal(&Vector3::new(x * x, y * y, sigma_rho * sigma_rho)),
     )
+}
+
+/// [`first_sighting`] at a pixel of any covariance (2x2, pixels squared), such as one behind a lens has
+/// ([`crate::Camera::undistort_with_covariance`]). O(1).
+#[must_use]
+pub fn first_sighting_with_covariance(
+    pinhole: &Pinhole,
+    pixel_ideal: &Vector2<f64>,
+    covariance_px2: &Matrix2<f64>,
+    rho: f64,
+    sigma_rho: f64,
+) -> (Vector3<f64>, Matrix3<f64>) {
+    let (mean, mut covariance) = first_sighting(pinhole, pixel_ideal, 0.0, rho, sigma_rho);
+    let inverse = Matrix2::from_diagonal(&Vector2::new(1.0 / pinhole.fx, 1.0 / pinhole.fy));
+    covariance
+        .fixed_view_mut::<2, 2>(0, 0)
+        .copy_from(&(inverse * covariance_px2 * inverse));
+    (mean, covariance)
 }
 
 #[cfg(test)]

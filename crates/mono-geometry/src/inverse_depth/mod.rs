@@ -29,7 +29,7 @@ mod turned;
 mod view;
 
 pub use convert::{CONVERSION_LINEARITY_INDEX, NotYet};
-pub use landmark::{LandmarkGeometry, Ray, first_sighting};
+pub use landmark::{LandmarkGeometry, Ray, first_sighting, first_sighting_with_covariance};
 pub use pixel::HORIZON;
 pub use point::{InverseDepthPoint, Prediction};
 pub use refine::{Refined, refine};

@@ -94,8 +94,12 @@ fn normal_equations(
                 view,
                 depth_m: depth(point, camera),
             })?;
-        let jacobian = prediction.by_parameters / observation.sigma_px;
-        let residual = (observation.pixel_ideal - prediction.pixel_ideal) / observation.sigma_px;
+        let (residual, jacobian) = observation.shape.whitened(
+            &observation.pixel_ideal,
+            &prediction.pixel_ideal,
+            &prediction.by_parameters,
+            observation.sigma_px,
+        );
         normal.information += jacobian.transpose() * jacobian;
         normal.gradient += jacobian.transpose() * residual;
         normal.chi_square += residual.norm_squared();
@@ -131,7 +135,7 @@ fn start(
     for view in (0..cameras.len()).filter(|view| *view != nearest) {
         let seen = ray_of(view);
         let baseline = anchor.centre - cameras[view].centre;
-        let weight = observations[view].sigma_px.powi(-2);
+        let weight = observations[view].shape.weight(observations[view].sigma_px);
         let across = seen.cross(&baseline);
         numerator -= weight * across.dot(&seen.cross(&direction));
         denominator += weight * across.norm_squared();

@@ -1,6 +1,9 @@
 //! The input of every pose solver, and the reasons why there is no pose.
 
+use estimation_base::Readable;
 use nalgebra::{Vector2, Vector3};
+
+use crate::noise_shape::NoiseShape;
 
 /// A world point and where it is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,12 +12,16 @@ pub struct Correspondence {
     pub point_in_world: Vector3<f64>,
     /// Where it is seen, in ideal (undistorted) pixels.
     pub pixel_ideal: Vector2<f64>,
-    /// Standard deviation of each pixel coordinate, pixels, above zero.
+    /// Standard deviation of each pixel coordinate, pixels, above zero: of the distorted pixel, if `shape` is that of a lens.
     pub sigma_px: f64,
+    /// The shape of the noise: [`NoiseShape::ROUND`], or what the lens makes of it
+    /// ([`crate::Camera::undistort_with_shape`]).
+    pub shape: NoiseShape,
 }
 
 /// Why there is no pose.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoPose {
     /// Too few points.
     #[error("{points} points, required: at least {required}")]
@@ -40,7 +47,8 @@ pub enum NoPose {
     },
     /// A point is behind the camera at the start.
     #[error(
-        "point {index} is behind the camera at the start: depth {depth_m} m, required: above 0"
+        "point {index} is behind the camera at the start: depth {} m, required: above 0",
+        Readable(*.depth_m)
     )]
     BehindCamera {
         /// Index of the first such point.
@@ -50,7 +58,9 @@ pub enum NoPose {
     },
     /// The points leave a motion free (collinear, or all but three coincide).
     #[error(
-        "the points leave a motion of the camera free: pivot {pivot} of the information is {value}, required: above {required}"
+        "the points leave a motion of the camera free: pivot {pivot} of the information is {}, required: above {}",
+        Readable(*.value),
+        Readable(*.required)
     )]
     Singular {
         /// Index of the first pivot that is rounding error, in the order (rho, omega).

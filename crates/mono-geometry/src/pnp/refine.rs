@@ -1,6 +1,7 @@
 //! Refinement of a pose on the reprojection error, with covariance.
 //!
-//! Problem: from a start, the `world_from_camera` of least cost sum rho(s_i), s_i = |p_i - project(X_i)|^2 / sigma_i^2.
+//! Problem: from a start, the `world_from_camera` of least cost sum rho(s_i), s_i = |p_i - project(X_i)|^2 / sigma_i^2
+//! (behind a lens, of the residual that [`crate::NoiseShape`] whitens).
 //!
 //! Equation: with pose = mean exp(delta), delta = (rho, omega) in camera axes, J the whitened Jacobian of all pixels by
 //! delta, w = rho'(s) and r the whitened residuals, (J^T w J + mu D) delta = J^T w r.
@@ -166,7 +167,10 @@ pub(super) fn squared_error(
     pinhole
         .project(&camera_from_world.transform_point(&correspondence.point_in_world))
         .map_or(f64::INFINITY, |pixel| {
-            (correspondence.pixel_ideal - pixel).norm_squared() / correspondence.sigma_px.powi(2)
+            let c = correspondence;
+            c.shape
+                .residual(&c.pixel_ideal, &pixel, c.sigma_px)
+                .norm_squared()
         })
 }
 
@@ -289,8 +293,9 @@ fn normal_equations(
                     index,
                     depth_m: in_camera.z,
                 })?;
-        let whitened = by_point / c.sigma_px;
-        let residual = (c.pixel_ideal - pixel) / c.sigma_px;
+        let (residual, whitened) = c
+            .shape
+            .whitened(&c.pixel_ideal, &pixel, &by_point, c.sigma_px);
         let squared = residual.norm_squared();
         let loss = loss.at(squared);
         normal.chi_square += squared;

@@ -47,6 +47,7 @@ pub struct Consensus<M> {
 
 /// Why a run ended, with what was compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Stop {
     /// A sample of inliers only has been drawn with the wanted confidence.
     Confident {

@@ -1,8 +1,10 @@
 //! Sightings of a point, the conditions of its acceptance, and the reasons why there is none.
 
+use estimation_base::Readable;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::camera::Pinhole;
+use crate::noise_shape::NoiseShape;
 use crate::se3::Se3;
 
 /// One sighting of the point.
@@ -12,8 +14,11 @@ pub struct Observation {
     pub camera_from_world: Se3,
     /// Where it is seen, in ideal (undistorted) pixels.
     pub pixel_ideal: Vector2<f64>,
-    /// Standard deviation of each pixel coordinate, pixels, above zero.
+    /// Standard deviation of each pixel coordinate, pixels, above zero: of the distorted pixel, if `shape` is that of a lens.
     pub sigma_px: f64,
+    /// The shape of the noise: [`NoiseShape::ROUND`], or what the lens makes of it
+    /// ([`crate::Camera::undistort_with_shape`]).
+    pub shape: NoiseShape,
 }
 
 /// When to accept a point.
@@ -58,6 +63,7 @@ pub struct Triangulated {
 
 /// Why there is no point.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Rejection {
     /// Fewer than two views, or a view with numbers that cannot be used.
     #[error(
@@ -70,7 +76,10 @@ pub enum Rejection {
         views: usize,
     },
     /// The solution is behind a camera.
-    #[error("the point is behind the camera of view {view}: depth {depth_m} m, required: above 0")]
+    #[error(
+        "the point is behind the camera of view {view}: depth {} m, required: above 0",
+        Readable(*.depth_m)
+    )]
     BehindCamera {
         /// Index of the first such view.
         view: usize,
@@ -78,7 +87,11 @@ pub enum Rejection {
         depth_m: f64,
     },
     /// The rays are too nearly parallel, or the cameras too close together.
-    #[error("parallax {parallax_rad} rad is too small, required: {required_rad} rad")]
+    #[error(
+        "parallax {} rad is too small, required: {} rad",
+        Readable(*.parallax_rad),
+        Readable(*.required_rad)
+    )]
     ParallaxTooSmall {
         /// Largest angle between two views, radians.
         parallax_rad: f64,
@@ -86,7 +99,11 @@ pub enum Rejection {
         required_rad: f64,
     },
     /// The views do not see one point.
-    #[error("chi-square {chi_square} is too large, required: at most {threshold}")]
+    #[error(
+        "chi-square {} is too large, required: at most {}",
+        Readable(*.chi_square),
+        Readable(*.threshold)
+    )]
     ChiSquareTooLarge {
         /// Sum of squared normalised errors.
         chi_square: f64,
@@ -95,7 +112,9 @@ pub enum Rejection {
     },
     /// Gauss-Newton did not settle.
     #[error(
-        "not converged after {iterations} steps: last step {step_sigmas} standard deviations, required: {required_sigmas}"
+        "not converged after {iterations} steps: last step {} standard deviations, required: {}",
+        Readable(*.step_sigmas),
+        Readable(*.required_sigmas)
     )]
     NotConverged {
         /// Steps taken.

@@ -60,9 +60,13 @@ pub(super) fn normal_equations(
                     view,
                     depth_m: in_camera.z,
                 })?;
-        let jacobian =
-            by_point * observation.camera_from_world.rotation.matrix() / observation.sigma_px;
-        let residual = (observation.pixel_ideal - pixel) / observation.sigma_px;
+        let by_point = by_point * observation.camera_from_world.rotation.matrix();
+        let (residual, jacobian) = observation.shape.whitened(
+            &observation.pixel_ideal,
+            &pixel,
+            &by_point,
+            observation.sigma_px,
+        );
         information += jacobian.transpose() * jacobian;
         gradient += jacobian.transpose() * residual;
         chi_square += residual.norm_squared();

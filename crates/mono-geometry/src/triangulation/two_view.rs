@@ -23,7 +23,7 @@
 //! Degenerate: without a baseline there is no F. With both pixels placed so that two corrections are equally short (as
 //! between two epipoles) there is none to prefer: [`NoCorrection`] says so.
 
-use estimation_base::symmetric;
+use estimation_base::{Readable, symmetric};
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector2};
 
 use super::accept::accept;
@@ -52,10 +52,12 @@ pub struct Correction {
 
 /// Why a match has no unique correction.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NoCorrection {
     /// A number is not finite, or a sigma not positive.
     #[error(
-        "match with constraint value {constraint} is unusable, required: finite numbers, sigma above 0"
+        "match with constraint value {} is unusable, required: finite numbers, sigma above 0",
+        Readable(*.constraint)
     )]
     Unusable {
         /// p2^T F p1.
@@ -63,7 +65,10 @@ pub enum NoCorrection {
     },
     /// The shortest correction is not unique: as if both pixels were at their epipoles.
     #[error(
-        "constraint {constraint} is met by two moves of equal length: curvature {curvature} between them, required: above {required}"
+        "constraint {} is met by two moves of equal length: curvature {} between them, required: above {}",
+        Readable(*.constraint),
+        Readable(*.curvature),
+        Readable(*.required)
     )]
     AtEpipole {
         /// p2^T F p1.
@@ -98,23 +103,36 @@ pub fn correct_match(
     sigma_first_px: f64,
     sigma_second_px: f64,
 ) -> Result<Correction, NoCorrection> {
+    let roots = [sigma_first_px, sigma_second_px].map(Matrix2::from_diagonal_element);
+    correct_match_of_roots(fundamental, first_px, second_px, &roots)
+}
+
+/// [`correct_match`] for noise of which square roots of the covariances are given.
+fn correct_match_of_roots(
+    fundamental: &Matrix3<f64>,
+    first_px: &Vector2<f64>,
+    second_px: &Vector2<f64>,
+    [first_root, second_root]: &[Matrix2<f64>; 2],
+) -> Result<Correction, NoCorrection> {
     let line_in_second = fundamental * first_px.push(1.0);
     let line_in_first = fundamental.transpose() * second_px.push(1.0);
+    let in_first = first_root.transpose() * line_in_first.xy();
+    let in_second = second_root.transpose() * line_in_second.xy();
     // The scale of F is arbitrary: unit gradient keeps every number in range.
-    let scale = (line_in_first.xy() * sigma_first_px)
-        .norm()
-        .hypot((line_in_second.xy() * sigma_second_px).norm());
+    let scale = in_first.norm().hypot(in_second.norm());
     let constraint = second_px.push(1.0).dot(&line_in_second);
+    let by_both = fundamental.fixed_view::<2, 2>(0, 0).into_owned();
     let problem = Problem {
-        matrix: fundamental.fixed_view::<2, 2>(0, 0) * (sigma_first_px * sigma_second_px / scale),
-        g1: line_in_first.xy() * (sigma_first_px / scale),
-        g2: line_in_second.xy() * (sigma_second_px / scale),
+        matrix: second_root.transpose() * by_both * first_root / scale,
+        g1: in_first / scale,
+        g2: in_second / scale,
         constant: constraint / scale,
     };
     let usable = problem.matrix.iter().all(|v| v.is_finite())
         && problem.constant.is_finite()
-        && sigma_first_px > 0.0
-        && sigma_second_px > 0.0
+        && [first_root, second_root]
+            .iter()
+            .all(|root| root[(0, 0)] > 0.0 && root.determinant() > 0.0)
         && scale > 0.0;
     if !usable {
         return Err(NoCorrection::Unusable { constraint });
@@ -135,8 +153,8 @@ pub fn correct_match(
         }
     };
     let correction = Correction {
-        first_px: first_px + a * sigma_first_px,
-        second_px: second_px + b * sigma_second_px,
+        first_px: first_px + first_root * a,
+        second_px: second_px + second_root * b,
         chi_square: a.norm_squared() + b.norm_squared(),
         iterations,
     };
@@ -150,7 +168,8 @@ pub fn correct_match(
     }
 }
 
-/// [`super::triangulate`] for two views by the optimal correction: the same minimum, without steps in space. O(1).
+/// [`super::triangulate`] for two views by the optimal correction: the same minimum, without steps in space. Behind a lens the
+/// noise enters by its covariance alone, to first order. O(1).
 ///
 /// # Errors
 /// The [`Rejection`] with the measured value and the one required.
@@ -171,12 +190,12 @@ pub fn triangulate_two_views(
         &second.camera_from_world.inverse(),
     )
     .ok_or(too_small)?;
-    let Ok(correction) = correct_match(
+    let roots = [first, second].map(|o| o.shape.root(o.sigma_px));
+    let Ok(correction) = correct_match_of_roots(
         pair.fundamental(),
         &first.pixel_ideal,
         &second.pixel_ideal,
-        first.sigma_px,
-        second.sigma_px,
+        &roots,
     ) else {
         return Err(too_small);
     };

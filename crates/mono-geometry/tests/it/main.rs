@@ -12,6 +12,7 @@ mod groups;
 mod homography;
 mod inverse_depth;
 mod jacobians;
+mod lens_noise;
 mod linalg;
 mod motion;
 mod opencv_calibration;

@@ -8,7 +8,7 @@ use mono_geometry::pnp::{
     p3p, refine_pose,
 };
 use mono_geometry::ransac::{Options, Prosac, Uniform};
-use mono_geometry::{RobustLoss, Se3, Termination, so3};
+use mono_geometry::{NoiseShape, RobustLoss, Se3, Termination, so3};
 use nalgebra::{DMatrix, Rotation3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -271,6 +271,7 @@ fn scene(
                 point_in_world,
                 pixel_ideal: exact + Vector2::new(gauss(rng), gauss(rng)) * sigma_px,
                 sigma_px: sigma_px.max(0.01),
+                shape: NoiseShape::ROUND,
             }
         })
         .collect();

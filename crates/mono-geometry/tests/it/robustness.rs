@@ -13,7 +13,8 @@ use mono_geometry::triangulation::{
     Acceptance, Observation, correct_match, triangulate, triangulate_two_views,
 };
 use mono_geometry::{
-    Camera, Distortion, Mount, Pinhole, PlacedCamera, RobustLoss, Se2, Se3, inverse_depth, so3,
+    Camera, Distortion, Mount, NoiseShape, Pinhole, PlacedCamera, RobustLoss, Se2, Se3,
+    inverse_depth, so3,
 };
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
@@ -77,6 +78,7 @@ proptest! {
                 camera_from_world: pose(3 * k).inverse(),
                 pixel_ideal: Vector2::new(160.0 + 50.0 * n[12 + 2 * k], 120.0 + 50.0 * n[13 + 2 * k]),
                 sigma_px: n[18 + k],
+                shape: NoiseShape::ROUND,
             })
             .collect();
         for acceptance in [
@@ -134,6 +136,7 @@ proptest! {
             point_in_world: Vector3::new(n[5 * k], n[5 * k + 1], 3.0 + n[5 * k + 2]),
             pixel_ideal: Vector2::new(160.0 + 50.0 * n[5 * k + 3], 120.0 + 50.0 * n[5 * k + 4]),
             sigma_px: if k < 5 { 1.0 } else { n[30] },
+            shape: NoiseShape::ROUND,
         }).collect();
         let finite = |pose: &Se3| pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|v| v.is_finite());
         let three = [seen[0], seen[1], seen[2]];

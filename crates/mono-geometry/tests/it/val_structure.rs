@@ -8,7 +8,7 @@ use mono_geometry::triangulation::{
     Acceptance, Correction, Observation, Rejection, Triangulated, correct_match,
     triangulate_two_views,
 };
-use mono_geometry::{Se3, so3};
+use mono_geometry::{NoiseShape, Se3, so3};
 use nalgebra::{Vector2, Vector3};
 
 /// The rows of one kind.
@@ -76,6 +76,7 @@ fn val_opencv_solve_pnp() {
                 point_in_world: point(&points[3 * k..]),
                 pixel_ideal: pixel(&pixels[2 * k..]),
                 sigma_px: 0.5,
+                shape: NoiseShape::ROUND,
             })
             .collect();
         let fit = estimate_pose(&pinhole(), &seen, &RefineOptions::default()).expect("valid");
@@ -138,6 +139,7 @@ impl Match {
             camera_from_world: poses[k],
             pixel_ideal: self.pixels[k],
             sigma_px: 1.0,
+            shape: NoiseShape::ROUND,
         });
         triangulate_two_views(&pinhole(), &views, &open)
     }

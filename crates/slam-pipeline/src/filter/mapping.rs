@@ -9,7 +9,7 @@ use core::convert::Infallible;
 
 use mono_geometry::inverse_depth::LandmarkView;
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
-use mono_geometry::{Pinhole, PlacedCamera, Se3};
+use mono_geometry::{NoiseShape, Pinhole, PlacedCamera, Se3};
 use nalgebra::{Rotation3, Vector2};
 use rbpf_core::MapUpdate;
 use ukf::SigmaPoints;
@@ -138,6 +138,7 @@ pub(crate) fn two_view(
         ),
         pixel_ideal: pixel,
         sigma_px: new.sigma_px,
+        shape: NoiseShape::ROUND,
     };
     let solution = triangulate(
         pinhole,

@@ -1,7 +1,7 @@
 //! Shared by the tests of the bundle: a short wall run, a sighting, the solved problem, the gauge error.
 
 use mono_geometry::bundle::{BundlePose, Options, PixelObservation, Problem, adjust, covariance};
-use mono_geometry::{GeometryError, RobustLoss};
+use mono_geometry::{GeometryError, NoiseShape, RobustLoss};
 use nalgebra::Vector2;
 
 use super::wall_run::WallRun;
@@ -26,6 +26,7 @@ pub(crate) fn observe(
         landmark,
         pixel_ideal: Vector2::new(u, v),
         sigma_px,
+        shape: NoiseShape::ROUND,
     }
 }
 

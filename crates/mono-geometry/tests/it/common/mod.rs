@@ -8,7 +8,7 @@ pub(crate) mod wall_run;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use mono_geometry::triangulation::Observation;
-use mono_geometry::{Pinhole, Se3, so3};
+use mono_geometry::{NoiseShape, Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::Config;
@@ -58,6 +58,7 @@ pub(crate) fn see(world_from_camera: &Se3, point: &Vector3<f64>, sigma_px: f64) 
         camera_from_world,
         pixel_ideal,
         sigma_px,
+        shape: NoiseShape::ROUND,
     }
 }
 

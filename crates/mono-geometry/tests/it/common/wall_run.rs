@@ -7,7 +7,7 @@
 use mono_geometry::bundle::{
     BundlePose, OdometryFactor, PixelObservation, PlanarProblem, Problem, SpatialProblem,
 };
-use mono_geometry::{Mount, Pinhole, Se2, Se3};
+use mono_geometry::{Mount, NoiseShape, Pinhole, Se2, Se3};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -176,6 +176,7 @@ impl<P: BundlePose<D>, const D: usize> Simulated<P, D> {
                 landmark,
                 pixel_ideal,
                 sigma_px: run.sigma_px.max(0.5),
+                shape: NoiseShape::ROUND,
             });
             self.outlier.push(outlier);
         }
