@@ -63,7 +63,7 @@ fn sphere<const D: usize>(criterion: &mut Criterion) {
         let params = OptimiseParams {
             adaptation,
             max_evaluations: 40 * D,
-            ..OptimiseParams::for_dimension(D)
+            ..OptimiseParams::self_adaptive(D)
         };
         group.throughput(Throughput::Elements(params.max_evaluations as u64));
         group.bench_function(format!("{adaptation:?}"), |bencher| {

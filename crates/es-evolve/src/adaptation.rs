@@ -9,76 +9,149 @@
 //! | `Covariance` | sigma_l L z, L L^T = C | sigma = mean sigma_l, C = (1 - 1/t) C + (1/t) mean (L z)(L z)^T |
 //!
 //! tau = tau' = 1/sqrt(2 D), tau'' = 1/sqrt(2 sqrt(D)) (Schwefel 1995; Beyer and Schwefel 2002), t = 1 + D (D + 1) / (2 mu)
-//! (Beyer and Sendhoff 2008, CMSA-ES). All steps are in units of the initial step sizes. The trace of C is
+//! (Beyer and Sendhoff 2008, CMSA-ES). `Paths` adapts by what happened over many generations instead (`paths`). All steps are in units of the initial step sizes. The trace of C is
 //! kept at D, its scale handed to sigma, which changes no step and keeps both in range.
 
 use estimation_base::{CholeskyError, cholesky_in_place};
-use nalgebra::{DMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::step::{lower_times, standard_normal};
+use crate::paths::Paths;
+use crate::step::lower_times;
 
 /// The shape of the mutations, which adapts itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum StepAdaptation {
     /// One step size. Cheapest, best on well-scaled and on very rugged functions. O(D) an offspring.
     Isotropic,
     /// One step size a coordinate, for scales that differ along the axes. Wants mu of 5 or more. O(D) an offspring.
     PerCoordinate,
-    /// One step size and a covariance: ridges and valleys in any direction. O(D^2) an offspring, O(D^3) a generation.
-    #[default]
+    /// One step size and a covariance, self-adapted: ridges and valleys in any direction, with some robustness against
+    /// noise and ruggedness from the sizes that differ from offspring to offspring. O(D^2) an offspring, O(D^3) a generation.
     Covariance,
+    /// One step size and a covariance, adapted along evolution paths (CMA-ES): a quarter of the evaluations of `Covariance` on
+    /// smooth functions, whatever their condition. Cost as `Covariance`.
+    #[default]
+    Paths,
 }
 
 /// The mutation of one offspring.
 #[derive(Debug, Clone)]
-pub(crate) struct Mutation<const D: usize> {
+pub(crate) struct Mutation {
     /// Step in units of the initial sizes.
-    pub(crate) step: SVector<f64, D>,
-    /// Its own sizes.
-    sizes: SVector<f64, D>,
+    pub(crate) step: DVector<f64>,
+    /// Its own sizes; the normal vector it was made of for `Paths`.
+    sizes: DVector<f64>,
 }
 
 /// The distribution of the next generation's steps.
 #[derive(Debug)]
-pub(crate) struct Strategy<const D: usize> {
+pub(crate) enum Strategy {
+    /// Sizes that each offspring mutates for itself.
+    SelfAdapted(SelfAdapted),
+    /// Sizes that follow from the past of the run.
+    Paths(Paths),
+}
+
+impl Strategy {
+    pub(crate) fn new(
+        kind: StepAdaptation,
+        dimension: usize,
+        parents: usize,
+        offspring: usize,
+    ) -> Self {
+        match kind {
+            StepAdaptation::Paths => Self::Paths(Paths::new(dimension, parents, offspring)),
+            kind => Self::SelfAdapted(SelfAdapted::new(kind, dimension, parents)),
+        }
+    }
+
+    /// The mutation of one offspring.
+    pub(crate) fn mutate(&self, rng: &mut impl Rng) -> Mutation {
+        match self {
+            Self::SelfAdapted(sizes) => sizes.mutate(rng),
+            Self::Paths(paths) => {
+                let normal = standard_normal(paths.dimension(), rng);
+                Mutation {
+                    step: paths.step(&normal),
+                    sizes: normal,
+                }
+            }
+        }
+    }
+
+    /// Takes all offspring, best first, of which the first `possible` are possible, at least one, and returns the step of the
+    /// centre.
+    ///
+    /// # Errors
+    /// The pivot at which C is no longer positive definite.
+    pub(crate) fn recombine(
+        &mut self,
+        ranked: &[&Mutation],
+        possible: usize,
+    ) -> Result<DVector<f64>, CholeskyError> {
+        match self {
+            Self::SelfAdapted(sizes) => sizes.recombine(&ranked[..possible.min(sizes.parents)]),
+            Self::Paths(paths) => {
+                let normals: Vec<&DVector<f64>> =
+                    ranked.iter().map(|mutation| &mutation.sizes).collect();
+                paths.adapt(&normals, possible)
+            }
+        }
+    }
+
+    /// Standard deviation of a step along each coordinate, in units of the initial sizes.
+    pub(crate) fn deviations(&self) -> DVector<f64> {
+        match self {
+            Self::SelfAdapted(sizes) => sizes.deviations(),
+            Self::Paths(paths) => paths.deviations(),
+        }
+    }
+}
+
+/// Step sizes that are mutated and inherited.
+#[derive(Debug)]
+pub(crate) struct SelfAdapted {
     kind: StepAdaptation,
+    parents: usize,
     /// Step sizes; all equal unless per coordinate.
-    sizes: SVector<f64, D>,
-    /// The lower triangle of C and its factor; empty unless `Covariance`, and on the heap, as D may be large.
+    sizes: DVector<f64>,
+    /// The lower triangle of C and its factor; empty unless `Covariance`.
     covariance: DMatrix<f64>,
     factor: DMatrix<f64>,
 }
 
-impl<const D: usize> Strategy<D> {
-    pub(crate) fn new(kind: StepAdaptation) -> Self {
+impl SelfAdapted {
+    fn new(kind: StepAdaptation, dimension: usize, parents: usize) -> Self {
         let size = if kind == StepAdaptation::Covariance {
-            D
+            dimension
         } else {
             0
         };
         Self {
             kind,
-            sizes: SVector::repeat(1.0),
+            parents,
+            sizes: DVector::repeat(dimension, 1.0),
             covariance: DMatrix::identity(size, size),
             factor: DMatrix::identity(size, size),
         }
     }
 
-    /// The mutation of one offspring.
-    pub(crate) fn mutate(&self, rng: &mut impl Rng) -> Mutation<D> {
-        let dimension = D as f64;
+    fn mutate(&self, rng: &mut impl Rng) -> Mutation {
+        let size = self.sizes.len();
+        let dimension = size as f64;
         let tau = 1.0 / (2.0 * dimension).sqrt();
         let common: f64 = StandardNormal.sample(rng);
         let mut sizes = self.sizes.map(|size| size * (tau * common).exp());
-        if self.kind == StepAdaptation::PerCoordinate && D > 1 {
+        if self.kind == StepAdaptation::PerCoordinate && size > 1 {
             let tau = 1.0 / (2.0 * dimension.sqrt()).sqrt();
-            for (size, normal) in sizes.iter_mut().zip(&standard_normal::<D>(rng)) {
+            for (size, normal) in sizes.iter_mut().zip(&standard_normal(size, rng)) {
                 *size *= (tau * normal).exp();
             }
         }
-        let normal = standard_normal::<D>(rng);
+        let normal = standard_normal(size, rng);
         let direction = if self.kind == StepAdaptation::Covariance {
             lower_times(&self.factor, &normal)
         } else {
@@ -91,27 +164,22 @@ impl<const D: usize> Strategy<D> {
     }
 
     /// Intermediate recombination of the survivors, at least one: their mean step; the sizes and C follow them.
-    ///
-    /// # Errors
-    /// The pivot at which C is no longer positive definite.
-    pub(crate) fn recombine(
-        &mut self,
-        survivors: &[&Mutation<D>],
-    ) -> Result<SVector<f64, D>, CholeskyError> {
+    fn recombine(&mut self, survivors: &[&Mutation]) -> Result<DVector<f64>, CholeskyError> {
+        let size = self.sizes.len();
         let count = survivors.len() as f64;
-        let mean = |entry: &dyn Fn(&Mutation<D>) -> f64| {
+        let mean = |entry: &dyn Fn(&Mutation) -> f64| {
             survivors
                 .iter()
                 .map(|mutation| entry(mutation))
                 .sum::<f64>()
                 / count
         };
-        let step = SVector::from_fn(|i, _| mean(&|mutation| mutation.step[i]));
-        self.sizes = SVector::from_fn(|i, _| mean(&|mutation| mutation.sizes[i]));
+        let step = DVector::from_fn(size, |i, _| mean(&|mutation| mutation.step[i]));
+        self.sizes = DVector::from_fn(size, |i, _| mean(&|mutation| mutation.sizes[i]));
         if self.kind == StepAdaptation::Covariance {
-            let dimension = D as f64;
+            let dimension = size as f64;
             let share = 1.0 / (1.0 + dimension * (dimension + 1.0) / (2.0 * count));
-            for row in 0..D {
+            for row in 0..size {
                 for column in 0..=row {
                     let product = mean(&|Mutation { step, sizes }| {
                         step[row] * step[column] / (sizes[row] * sizes[column])
@@ -120,7 +188,7 @@ impl<const D: usize> Strategy<D> {
                     *entry += share * (product - *entry);
                 }
             }
-            let trace: f64 = (0..D).map(|i| self.covariance[(i, i)]).sum();
+            let trace: f64 = (0..size).map(|i| self.covariance[(i, i)]).sum();
             let scale = trace / dimension;
             self.covariance /= scale;
             self.sizes *= scale.sqrt();
@@ -130,9 +198,8 @@ impl<const D: usize> Strategy<D> {
         Ok(step)
     }
 
-    /// Standard deviation of a step along each coordinate, in units of the initial sizes.
-    pub(crate) fn deviations(&self) -> SVector<f64, D> {
-        let mut deviations = self.sizes;
+    fn deviations(&self) -> DVector<f64> {
+        let mut deviations = self.sizes.clone();
         for i in 0..self.covariance.nrows() {
             deviations[i] *= self.covariance[(i, i)].sqrt();
         }
@@ -140,17 +207,22 @@ impl<const D: usize> Strategy<D> {
     }
 }
 
+/// Independent standard normal components.
+fn standard_normal(size: usize, rng: &mut impl Rng) -> DVector<f64> {
+    DVector::from_fn(size, |_, _| StandardNormal.sample(rng))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector2;
+    use nalgebra::dvector;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
     /// C of the given lower triangle: steps must have that covariance.
     #[test]
     fn steps_have_the_covariance() {
-        let mut strategy = Strategy::<3>::new(StepAdaptation::Covariance);
+        let mut strategy = SelfAdapted::new(StepAdaptation::Covariance, 3, 1);
         // The factor of [[4, 2, 0.4], [2, 5, 1], [0.4, 1, 1]].
         strategy.covariance =
             DMatrix::from_row_slice(3, 3, &[4.0, 0.0, 0.0, 2.0, 5.0, 0.0, 0.4, 1.0, 1.0]);
@@ -185,19 +257,19 @@ mod tests {
 
     #[test]
     fn recombination_is_the_mean_and_leaves_the_scale_of_steps() {
-        let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
+        let mut strategy = SelfAdapted::new(StepAdaptation::Covariance, 2, 2);
         let survivors = [
             Mutation {
-                step: Vector2::new(2.0, 0.0),
-                sizes: Vector2::repeat(1.0),
+                step: dvector![2.0, 0.0],
+                sizes: DVector::repeat(2, 1.0),
             },
             Mutation {
-                step: Vector2::new(2.0, 6.0),
-                sizes: Vector2::repeat(3.0),
+                step: dvector![2.0, 6.0],
+                sizes: DVector::repeat(2, 3.0),
             },
         ];
         let step = strategy.recombine(&[&survivors[0], &survivors[1]]).unwrap();
-        assert_eq!(step, Vector2::new(2.0, 3.0));
+        assert_eq!(step, dvector![2.0, 3.0]);
         // t = 1 + 2 * 3 / (2 * 2) = 5/2; directions (2, 0) and (2/3, 2) have mean products 20/9, 2/3 and 2.
         let share: f64 = 1.0 / 2.5;
         let c00 = 1.0 + share * (20.0 / 9.0 - 1.0);
@@ -213,12 +285,12 @@ mod tests {
 
     #[test]
     fn a_lost_covariance_names_its_pivot() {
-        let mut strategy = Strategy::<2>::new(StepAdaptation::Covariance);
+        let mut strategy = SelfAdapted::new(StepAdaptation::Covariance, 2, 2);
         strategy.covariance = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 2.0, 1.0]);
         // One survivor of a step of zero shrinks the diagonal and leaves the correlation of 2.
         let still = Mutation {
-            step: Vector2::zeros(),
-            sizes: Vector2::repeat(1.0),
+            step: DVector::zeros(2),
+            sizes: DVector::repeat(2, 1.0),
         };
         let lost = strategy.recombine(&[&still]);
         assert!(

@@ -1,5 +1,6 @@
 //! Errors of populations, parameters and fitness values.
 
+use estimation_base::Readable;
 use thiserror::Error;
 
 /// Errors of this crate.
@@ -10,7 +11,7 @@ pub enum EvolveError {
     #[error("population must hold at least 1 genome, given 0")]
     EmptyPopulation,
     /// A log-fitness is NaN or plus infinity; minus infinity is allowed and means impossible.
-    #[error("log-fitness of slot {slot} must be finite or minus infinity, given {value}")]
+    #[error("log-fitness of slot {slot} must be finite or minus infinity, given {}", Readable(*.value))]
     LogFitness {
         /// Slot whose fitness was asked for; the lowest one when several are wrong.
         slot: usize,
@@ -18,7 +19,7 @@ pub enum EvolveError {
         value: f64,
     },
     /// A probability lies outside 0..=1.
-    #[error("{name} must lie in 0..=1, given {given}")]
+    #[error("{name} must lie between 0 and 1, given {}", Readable(*.given))]
     Probability {
         /// Field of the parameters.
         name: &'static str,
@@ -26,7 +27,7 @@ pub enum EvolveError {
         given: f64,
     },
     /// A scale is negative, NaN or infinite.
-    #[error("{name} must be finite and at least 0, given {given}")]
+    #[error("{name} must be finite and at least 0, given {}", Readable(*.given))]
     Scale {
         /// Field of the parameters.
         name: &'static str,
@@ -43,7 +44,7 @@ pub enum EvolveError {
     },
     /// An entry of a step factor is NaN or infinite.
     #[error(
-        "step factor of slot {slot} must be finite, given {value} in row {row}, column {column}"
+        "step factor of slot {slot} must be finite, given {} in row {row}, column {column}", Readable(*.value)
     )]
     Factor {
         /// Slot of the factor; 0 for a common one.
@@ -75,13 +76,37 @@ pub enum EvolveError {
     },
     /// A step size is zero, negative, NaN or infinite.
     #[error(
-        "step size of coordinate {coordinate} must be finite and greater than 0, given {given}"
+        "step size of coordinate {coordinate} must be finite and greater than 0, given {}", Readable(*.given)
     )]
     StepSize {
         /// The coordinate.
         coordinate: usize,
         /// The value given.
         given: f64,
+    },
+    /// Lists that must have one entry a coordinate do not.
+    #[error("{given} {what} given, {required} required")]
+    Dimension {
+        /// The list.
+        what: &'static str,
+        /// Entries given.
+        given: usize,
+        /// Entries required.
+        required: usize,
+    },
+    /// A lower bound is not below the upper one.
+    #[error(
+        "bounds of coordinate {coordinate} must leave room between them, given {} and {}",
+        Readable(*.low),
+        Readable(*.high)
+    )]
+    Bounds {
+        /// The coordinate.
+        coordinate: usize,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
     },
     /// The log-fitness asked for is NaN.
     #[error("target log-fitness must not be NaN")]

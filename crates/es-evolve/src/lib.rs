@@ -1,8 +1,9 @@
 //! Evolution strategies over a log-fitness: an optimiser, a sampler, and a published method that is neither.
 //!
 //! **What it is.** Three ways to change a population of genomes by mutation and crossover:
-//! - [`optimise`] finds the genome of greatest fitness by a (mu/mu_I, lambda) evolution strategy with self-adapted step
-//!   sizes; [`optimise_restarting`] repeats it with growing populations;
+//! - [`optimise`] finds the genome of greatest fitness by an evolution strategy that adapts its steps (CMA-ES, or three
+//!   self-adapted forms); [`optimise_vector`] does so for vectors whose dimension is known at run time, inside bounds;
+//!   [`optimise_restarting`] repeats it with growing populations;
 //! - [`resample_move`] moves a population without changing the distribution that its fitness describes, by
 //!   Metropolis-Hastings mutation and differential crossover;
 //! - [`evolve_paper`] implements published operators that climb the fitness and do not keep a distribution.
@@ -45,18 +46,22 @@
 //! proposed and accepted. [`Optimum`] is the result of the optimiser, with the reason why it stopped.
 
 mod adaptation;
+mod bounds;
 mod error;
 mod optimise;
 mod paper;
 mod params;
+mod paths;
 mod rates;
 mod report;
 mod resample_move;
 mod restarts;
 mod slots;
 mod step;
+mod vector;
 
 pub use adaptation::StepAdaptation;
+pub use bounds::Bounds;
 pub use error::EvolveError;
 pub use estimation_base::Manifold;
 pub use optimise::{OptimiseParams, OptimiseStop, Optimum, optimise};
@@ -66,6 +71,7 @@ pub use report::{EvolutionReport, StopReason};
 pub use resample_move::resample_move;
 pub use restarts::optimise_restarting;
 pub use step::StepFactors;
+pub use vector::{VectorOptimum, optimise_vector};
 
 /// Compiles and runs the code of the README.
 #[doc = include_str!("../README.md")]

@@ -1,23 +1,26 @@
-//! Optimisation by a (mu/mu_I, lambda) evolution strategy with self-adapted step sizes (Beyer and Schwefel 2002).
+//! Optimisation by a (mu/mu_I, lambda) evolution strategy that adapts its steps (Beyer and Schwefel 2002, Hansen 2016).
 //!
 //! Problem: find the genome of greatest log-fitness, without derivatives. To minimise f, give -f: only the order of values
 //! and the target are looked at.
 //!
-//! One generation: lambda offspring mutate the centre, each with its own step size; the mu best of them, and of them alone
-//! (comma selection: the old centre does not compete), are averaged into the next centre and the next step sizes. Step sizes
-//! are never set from outside: offspring with a good size survive. See [`StepAdaptation`] for the three shapes.
+//! One generation: lambda offspring mutate the centre; the mu best of them, and of them alone (comma selection: the old centre
+//! does not compete), are averaged into the next centre and tell the next steps. Step sizes are never set from outside. See
+//! [`StepAdaptation`] for the shapes.
 //!
 //! Steps are taken in the tangent at the centre: the next centre is retract(centre, mean of the mu best steps). This needs
 //! [`Manifold::retract`] only, so poses optimise as vectors do.
 //!
+//! [`crate::optimise_vector`] is the same for vectors whose dimension is known at run time, with bounds for each coordinate.
+//!
 //! Degenerate cases: an impossible offspring (log-fitness minus infinity) never survives; when fewer than mu are possible those
-//! few are averaged. Equal fitness is ranked by offspring number.
+//! few are averaged. Equal fitness is ranked by offspring number. Steps that shrink while offspring are impossible shrink against an
+//! edge, along which they may have been too large to follow it to the optimum: [`OptimiseStop::Edge`] says so.
 //!
 //! When not to use: with derivatives at hand, or to sample a distribution ([`crate::resample_move`]). Rugged functions
 //! want a large population, not a long run: see [`crate::optimise_restarting`].
 
 use estimation_base::{CholeskyError, Manifold};
-use nalgebra::SVector;
+use nalgebra::{DVector, SVector};
 use rand::Rng;
 
 use crate::adaptation::{StepAdaptation, Strategy};
@@ -44,10 +47,23 @@ pub struct OptimiseParams {
 }
 
 impl OptimiseParams {
-    /// lambda = max(8, 4 D) and mu = lambda / 4 (Beyer and Sendhoff 2008), covariance adaptation, no target, collapse at 1e-9,
+    /// lambda = 4 + 3 ln D and mu = lambda / 2 (Hansen 2016), steps along evolution paths, no target, collapse at 1e-9,
     /// stagnation after 100 + 10 D generations, 10^4 D evaluations.
     #[must_use]
     pub fn for_dimension(dimension: usize) -> Self {
+        let offspring = 4 + (3.0 * (dimension.max(1) as f64).ln()) as usize;
+        Self {
+            parents: offspring / 2,
+            offspring,
+            adaptation: StepAdaptation::Paths,
+            ..Self::self_adaptive(dimension)
+        }
+    }
+
+    /// lambda = max(8, 4 D) and mu = lambda / 4, self-adapted covariance (Beyer and Sendhoff 2008), the rest as
+    /// [`Self::for_dimension`]: more evaluations, and step sizes that differ within a generation.
+    #[must_use]
+    pub fn self_adaptive(dimension: usize) -> Self {
         let offspring = (4 * dimension).max(8);
         Self {
             parents: offspring / 4,
@@ -104,6 +120,7 @@ pub struct Optimum<G, const D: usize> {
 
 /// Why a run of [`optimise`] ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum OptimiseStop {
     /// The best log-fitness reached the target.
     Target {
@@ -112,12 +129,22 @@ pub enum OptimiseStop {
         /// The target.
         target: f64,
     },
-    /// Steps became too small to matter, at an optimum (or a premature one).
+    /// Steps became too small to matter, at an optimum (or a premature one), and hardly an offspring was impossible.
     StepSize {
         /// Largest standard deviation of a step, relative to the initial sizes.
         largest: f64,
         /// The bound.
         min_step_size: f64,
+    },
+    /// Steps became too small while offspring were impossible: they shrank against an edge of what is possible, and the best
+    /// genome need not be an optimum along it. Or a whole generation after the first was impossible. Bounds of single coordinates belong into [`crate::optimise_vector`].
+    Edge {
+        /// Largest standard deviation of a step, relative to the initial sizes.
+        largest: f64,
+        /// The bound.
+        min_step_size: f64,
+        /// Share of impossible offspring in the last generations (those of about ten, the latest counting most).
+        impossible: f64,
     },
     /// No better genome was found for too many generations.
     Stagnation {
@@ -147,7 +174,7 @@ pub enum OptimiseStop {
 ///
 /// # Errors
 /// A parameter or step size out of range, [`EvolveError::LogFitness`] for NaN or plus infinity (the slot is the
-/// offspring's number), [`EvolveError::Impossible`] when a whole generation is impossible.
+/// offspring's number), [`EvolveError::Impossible`] when the whole first generation is impossible.
 pub fn optimise<const D: usize, G, R>(
     start: &G,
     step_sizes: &SVector<f64, D>,
@@ -159,20 +186,70 @@ where
     G: Manifold<D> + Send + Sync,
     R: Rng,
 {
-    params.check()?;
     check_step_sizes(step_sizes.as_slice())?;
-    let in_tangent = |step: &SVector<f64, D>| step_sizes.component_mul(step);
+    let in_tangent = |step: &DVector<f64>| SVector::from_fn(|i: usize, _| step_sizes[i] * step[i]);
+    let found = search(
+        D,
+        start,
+        |centre, step| centre.retract(&in_tangent(step)),
+        fitness,
+        params,
+        streams,
+    )?;
+    Ok(Optimum {
+        best: found.best,
+        log_fitness: found.log_fitness,
+        centre: found.centre,
+        step_sizes: in_tangent(&found.deviations),
+        generations: found.generations,
+        evaluations: found.generations * params.offspring,
+        stop: found.stop,
+    })
+}
+
+/// What a search ends with.
+pub(crate) struct Found<G> {
+    pub(crate) best: G,
+    pub(crate) log_fitness: f64,
+    pub(crate) centre: G,
+    /// Standard deviation of the next step along each coordinate, relative to the initial sizes.
+    pub(crate) deviations: DVector<f64>,
+    pub(crate) generations: usize,
+    pub(crate) stop: OptimiseStop,
+}
+
+/// Weight of one generation in the share of impossible offspring.
+const RECENT: f64 = 0.1;
+/// Share of impossible offspring that chance leaves far from every edge.
+const AT_EDGE: f64 = 0.01;
+
+/// The search of [`optimise`] in a space of which only `moved`(centre, step in units of the initial sizes) is known.
+pub(crate) fn search<G: Clone + Send + Sync, R: Rng>(
+    dimension: usize,
+    start: &G,
+    moved: impl Fn(&G, &DVector<f64>) -> G + Sync,
+    fitness: &(impl Fn(usize, &G) -> f64 + Sync),
+    params: &OptimiseParams,
+    streams: &(impl Fn(usize, usize) -> R + Sync),
+) -> Result<Found<G>, EvolveError> {
+    params.check()?;
     let slots: Vec<usize> = (0..params.offspring).collect();
-    let mut strategy = Strategy::new(params.adaptation);
+    let mut strategy = Strategy::new(
+        params.adaptation,
+        dimension,
+        params.parents,
+        params.offspring,
+    );
     let mut centre = start.clone();
     let mut best = start.clone();
     let mut log_fitness = f64::NEG_INFINITY;
     let mut best_generation = 0;
     let mut generation = 0;
+    let mut impossible = 0.0;
     let stop = loop {
         let offspring = map_ordered(&slots, |&slot| {
             let mutation = strategy.mutate(&mut streams(generation, slot));
-            let genome = centre.retract(&in_tangent(&mutation.step));
+            let genome = moved(&centre, &mutation.step);
             let value = evaluate(fitness, slot, &genome)?;
             Ok((value, genome, mutation))
         });
@@ -182,17 +259,25 @@ where
         // Stable, so equal values stay in the order of offspring.
         offspring.sort_by(|a, b| b.0.total_cmp(&a.0));
         let possible = offspring.partition_point(|child| child.0 > f64::NEG_INFINITY);
+        if possible == 0 && generation > 0 {
+            // the steps have gone over an edge; what was found before stands
+            generation += 1;
+            break OptimiseStop::Edge {
+                largest: strategy.deviations().iter().copied().fold(0.0, f64::max),
+                min_step_size: params.min_step_size,
+                impossible: 1.0,
+            };
+        }
         if possible == 0 {
             return Err(EvolveError::Impossible {
                 generation,
                 offspring: params.offspring,
             });
         }
-        let survivors: Vec<_> = offspring[..possible.min(params.parents)]
-            .iter()
-            .map(|child| &child.2)
-            .collect();
-        let recombined = strategy.recombine(&survivors);
+        let lost = (params.offspring - possible) as f64 / params.offspring as f64;
+        impossible += RECENT * (lost - impossible);
+        let ranked: Vec<_> = offspring.iter().map(|child| &child.2).collect();
+        let recombined = strategy.recombine(&ranked, possible);
         if offspring[0].0 > log_fitness {
             best.clone_from(&offspring[0].1);
             log_fitness = offspring[0].0;
@@ -201,19 +286,25 @@ where
         let stagnant = generation - best_generation;
         generation += 1;
         match recombined {
-            Ok(step) => centre = centre.retract(&in_tangent(&step)),
+            Ok(step) => centre = moved(&centre, &step),
             Err(reason) => break OptimiseStop::Covariance { reason },
         }
         let largest = strategy.deviations().iter().copied().fold(0.0, f64::max);
         let evaluations = generation * params.offspring;
+        let min_step_size = params.min_step_size;
         if log_fitness >= params.target {
             let target = params.target;
             break OptimiseStop::Target {
                 log_fitness,
                 target,
             };
-        } else if largest < params.min_step_size {
-            let min_step_size = params.min_step_size;
+        } else if largest < min_step_size && impossible > AT_EDGE {
+            break OptimiseStop::Edge {
+                largest,
+                min_step_size,
+                impossible,
+            };
+        } else if largest < min_step_size {
             break OptimiseStop::StepSize {
                 largest,
                 min_step_size,
@@ -230,19 +321,17 @@ where
             };
         }
     };
-    let deviations = strategy.deviations();
-    Ok(Optimum {
+    Ok(Found {
         best,
         log_fitness,
         centre,
-        step_sizes: in_tangent(&deviations),
+        deviations: strategy.deviations(),
         generations: generation,
-        evaluations: generation * params.offspring,
         stop,
     })
 }
 
-fn check_step_sizes(sizes: &[f64]) -> Result<(), EvolveError> {
+pub(crate) fn check_step_sizes(sizes: &[f64]) -> Result<(), EvolveError> {
     match sizes
         .iter()
         .position(|size| !(size.is_finite() && *size > 0.0))

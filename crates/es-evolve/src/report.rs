@@ -21,6 +21,7 @@ pub struct EvolutionReport {
 
 /// Why a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StopReason {
     /// All steps asked for were done.
     Steps {

@@ -1,6 +1,7 @@
 //! Gaussian steps in the tangent, from lower-triangular factors L with covariance L L^T.
 
-use nalgebra::{Dim, RawStorage, SMatrix, SVector, SquareMatrix};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, OVector, RawStorage, SMatrix, SVector, SquareMatrix, U1};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -64,11 +65,14 @@ impl<const D: usize> StepFactors<'_, D> {
 
 /// L z for the lower triangle of a matrix. The sum of each row begins at its first column; the results of seeded runs
 /// depend on that order.
-pub(crate) fn lower_times<const D: usize, N: Dim, S: RawStorage<f64, N, N>>(
+pub(crate) fn lower_times<D: Dim, N: Dim, S: RawStorage<f64, N, N>>(
     lower: &SquareMatrix<f64, N, S>,
-    vector: &SVector<f64, D>,
-) -> SVector<f64, D> {
-    SVector::from_fn(|row, _| {
+    vector: &OVector<f64, D>,
+) -> OVector<f64, D>
+where
+    DefaultAllocator: Allocator<D>,
+{
+    OVector::from_fn_generic(vector.shape_generic().0, U1, |row, _| {
         (0..=row)
             .map(|column| lower[(row, column)] * vector[column])
             .sum()

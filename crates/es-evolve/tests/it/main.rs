@@ -1,5 +1,6 @@
 //! Integration tests of the crate, one binary.
 
+mod evolution_paths;
 mod invariance;
 mod optimise;
 mod paper;

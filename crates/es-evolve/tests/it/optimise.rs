@@ -74,7 +74,7 @@ fn one_generation_follows_the_progress_law() {
             offspring: lambda as usize,
             adaptation: StepAdaptation::Isotropic,
             max_evaluations: lambda as usize,
-            ..OptimiseParams::for_dimension(D)
+            ..OptimiseParams::self_adaptive(D)
         };
         let mut start = SVector::<f64, D>::zeros();
         start[0] = 1.0;
@@ -117,7 +117,7 @@ fn convergence_on_the_sphere_is_linear() {
                 adaptation,
                 min_step_size: 0.0,
                 max_evaluations: generations * lambda as usize,
-                ..OptimiseParams::for_dimension(D)
+                ..OptimiseParams::self_adaptive(D)
             };
             let logs = (0..20_u64).map(|seed| {
                 let run = optimise(
@@ -204,7 +204,7 @@ fn successes(
         target: -1e-2,
         min_step_size,
         max_evaluations: 100_000,
-        ..OptimiseParams::for_dimension(10)
+        ..OptimiseParams::self_adaptive(10)
     };
     let reached = (0..u64::from(RUNS)).filter(|&seed| {
         let mut rng = generator(1000 + seed);
@@ -274,7 +274,7 @@ fn a_larger_population_sees_through_rugged_functions() {
             adaptation: StepAdaptation::Isotropic,
             target: -1e-2,
             min_step_size: 1e-4,
-            ..OptimiseParams::for_dimension(10)
+            ..OptimiseParams::self_adaptive(10)
         };
         let reached = (0..30_u64).filter(|&seed| {
             let mut rng = generator(seed);
@@ -312,7 +312,7 @@ fn each_shape_learns_what_it_can() {
             adaptation,
             target: -1e-8,
             max_evaluations: 40_000,
-            ..OptimiseParams::for_dimension(10)
+            ..OptimiseParams::self_adaptive(10)
         };
         let fitness = |slot: usize, x: &Vector| {
             if rotate {
@@ -347,7 +347,7 @@ fn a_pose_is_found_across_the_cut() {
     };
     let params = OptimiseParams {
         target: -1e-12,
-        ..OptimiseParams::for_dimension(3)
+        ..OptimiseParams::self_adaptive(3)
     };
     let start = Se2::new(0.0, 0.0, 0.5 - PI);
     let sizes = Vector3::new(1.0, 1.0, 0.3);
@@ -372,7 +372,7 @@ fn every_stop_says_why() {
             &stream(1),
         )
     };
-    let params = OptimiseParams::for_dimension(2);
+    let params = OptimiseParams::self_adaptive(2);
     let found = run(
         &sphere,
         OptimiseParams {
@@ -412,7 +412,7 @@ fn every_stop_says_why() {
 
 #[test]
 fn wrong_input_is_named() {
-    let params = OptimiseParams::for_dimension(2);
+    let params = OptimiseParams::self_adaptive(2);
     let run = |sizes: Vector2<f64>, params: OptimiseParams| {
         optimise(
             &SVector::<f64, 2>::repeat(1.0),

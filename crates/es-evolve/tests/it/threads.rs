@@ -69,7 +69,7 @@ fn optima_do_not_depend_on_the_number_of_threads() {
         let params = OptimiseParams {
             adaptation,
             max_evaluations: 5000,
-            ..OptimiseParams::for_dimension(3)
+            ..OptimiseParams::self_adaptive(3)
         };
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
