@@ -217,7 +217,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             },
             Step::Prediction,
         )?;
-        let mean = images.mean.clone();
+        let mean = images.mean;
         self.set_state(mean, root);
         Ok(())
     }

@@ -132,7 +132,7 @@ impl<'a, const L: usize> Placed<'a, L> {
 fn comes_back<X: Manifold<L>, const L: usize>(mean: &X, tangent: &SVector<f64, L>) -> bool {
     let same = NO_FOLD + SAME_TANGENT * tangent.norm();
     let error = error_of_return(mean, tangent);
-    (0..L).all(|k| !(error[k] > same + SAME_ENTRY * tangent[k].abs()))
+    (0..L).all(|k| error[k].is_nan() || error[k] <= same + SAME_ENTRY * tangent[k].abs())
 }
 
 fn error_of_return<X: Manifold<L>, const L: usize>(

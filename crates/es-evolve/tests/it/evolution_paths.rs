@@ -186,7 +186,7 @@ fn regress_a_corner_is_found_with_bounds_and_an_edge_is_named_without() {
                     assert!(impossible > 0.01 && impossible <= 1.0);
                 }
                 OptimiseStop::StepSize { .. } => {
-                    assert!(found.log_fitness > -1e-6, "{seed}: {found:?}")
+                    assert!(found.log_fitness > -1e-6, "{seed}: {found:?}");
                 }
                 _ => {}
             }

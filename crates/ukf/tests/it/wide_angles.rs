@@ -15,8 +15,8 @@ fn sets() -> [SigmaPoints<1>; 4] {
     [
         SigmaPoints::default(),
         SigmaPoints::paper(),
-        SigmaPoints::scaled(0.5, 2.0, 0.0).unwrap(),
-        SigmaPoints::simplex(0.3).unwrap(),
+        SigmaPoints::scaled(0.5, 2.0, 0.0).expect("a spread"),
+        SigmaPoints::simplex(0.3).expect("a weight"),
     ]
 }
 
