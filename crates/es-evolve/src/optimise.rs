@@ -207,7 +207,7 @@ where
     })
 }
 
-/// What a search ends with.
+/// The end of a search.
 pub(crate) struct Found<G> {
     pub(crate) best: G,
     pub(crate) log_fitness: f64,
