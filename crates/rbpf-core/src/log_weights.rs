@@ -7,8 +7,10 @@
 //! log sum_i exp(l_i) = m + log sum_i exp(l_i - m),   m = max_i l_i
 //! ```
 //!
-//! A normalised weight is (l_i - m) - log sum_i exp(l_i - m), in this order: beyond 1e16 the sum
-//! m + log(...) rounds to m, and every weight of a tie would come out as one. The effective number
+//! A normalised weight is (l_i - m) - log sum_i exp(l_i - m), in this order where m is large: beyond
+//! 1e16 the sum m + log(...) rounds to m, and every weight of a tie would come out as one. Below
+//! 2^17 the sum comes off at once: it rounds by 7e-12 at most, and runs recorded before give the same
+//! bits. The effective number
 //! of particles (section II.C of the paper), N_eff = 1 / sum w_i^2 for normalised w, comes from the
 //! logarithms without normalising them first: log N_eff = 2 lse(l) - lse(2 l). Adding a constant to
 //! all l_i changes neither.
@@ -27,10 +29,21 @@ struct LogSum {
     rest: f64,
 }
 
+/// Largest magnitude of logarithms that are added as they are: their sums round by 7e-12.
+const ORDINARY: f64 = 131_072.0;
+
 impl LogSum {
-    /// The log weight less the sum: first the largest, then the rest.
+    fn total(self) -> f64 {
+        self.largest + self.rest
+    }
+
+    /// The log weight less the sum: beyond the ordinary first the largest, then the rest.
     fn taken_from(self, log_weight: f64) -> f64 {
-        (log_weight - self.largest) - self.rest
+        if self.largest.abs() <= ORDINARY {
+            log_weight - self.total()
+        } else {
+            (log_weight - self.largest) - self.rest
+        }
     }
 }
 
@@ -46,12 +59,12 @@ pub(crate) fn normalize(log_weights: &mut [f64]) -> Result<f64, RbpfError> {
     for weight in log_weights {
         *weight = sum.taken_from(*weight);
     }
-    Ok(sum.largest + sum.rest)
+    Ok(sum.total())
 }
 
 /// Adds increments to normalised log weights, normalises them again, and returns the logarithm of the sum
-/// between, log sum_i w_i exp(increment_i). The largest increment of a particle that is still there comes off
-/// first: a weight of -3 is not lost beside an increment of -1e17, and no sum overflows. The two are of one length.
+/// between, log sum_i w_i exp(increment_i). Beyond the ordinary the largest increment of a particle that is still there
+/// comes off first: a weight of -3 is not lost beside an increment of -1e17, and no sum overflows. The two are of one length.
 ///
 /// # Errors
 /// As [`normalize`], for the sums; the weights are then unchanged.
@@ -66,7 +79,11 @@ pub(crate) fn reweight(
         .map(|(_, increment)| *increment)
         .fold(f64::NEG_INFINITY, f64::max);
     // an increment of +inf, or none that is left, is told by the sums themselves
-    let shift = if shift.is_finite() { shift } else { 0.0 };
+    let shift = if shift.is_finite() && shift.abs() > ORDINARY {
+        shift
+    } else {
+        0.0
+    };
     let mut sums: Vec<f64> = log_weights
         .iter()
         .zip(log_increments)

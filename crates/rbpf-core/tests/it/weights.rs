@@ -128,7 +128,14 @@ fn log_value() -> impl Strategy<Value = f64> {
 fn check_weights(before: &[f64], after: &[f64]) -> Result<(), TestCaseError> {
     let sum: f64 = after.iter().map(|weight| weight.exp()).sum();
     // each exponential rounds by a unit, the logarithm of the sum by one of log n
-    let rounding = 8.0 * (after.len() as f64 + 1.0) * f64::EPSILON;
+    let largest = before.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // below 2^17 the sum comes off at once and rounds by half a unit of it
+    let at_once = if largest.abs() <= 131_072.0 {
+        largest.abs()
+    } else {
+        0.0
+    };
+    let rounding = (8.0 * (after.len() as f64 + 1.0) + at_once) * f64::EPSILON;
     prop_assert!((sum - 1.0).abs() < rounding, "{sum}");
     for (a, x) in before.iter().zip(after) {
         prop_assert!(!x.is_nan() && *x <= rounding);
@@ -184,7 +191,8 @@ proptest! {
         if alive {
             prop_assert!(!evidence.expect("one sum is finite").is_nan());
             let sum: f64 = set.weights().iter().sum();
-            prop_assert!((sum - 1.0).abs() < 8.0 * (count as f64 + 1.0) * f64::EPSILON, "{sum}");
+            // 2^17 eps where the sum comes off at once
+            prop_assert!((sum - 1.0).abs() < 8.0 * (count as f64 + 1.0) * f64::EPSILON + 2.9e-11, "{sum}");
         } else {
             let told = matches!(evidence, Err(RbpfError::DegenerateWeights { .. }));
             prop_assert!(told);
