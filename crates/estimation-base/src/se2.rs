@@ -19,6 +19,7 @@ use crate::series::{sinc, versine_over_x, versine_over_x2, x_minus_sin_over_x3};
 /// As a [`Manifold`] its tangent is the body's own motion (forward, left, turn): `retract` drives along the arc that the
 /// tangent names, `self * exp(tangent)`, and `local` finds the arc, `log(self^-1 * other)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Se2 {
     /// Translation along x, metres.
     pub x: f64,

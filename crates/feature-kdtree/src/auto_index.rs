@@ -38,9 +38,11 @@ const MOVES_A_CHANGE: usize = 2;
 /// # Ok::<(), feature_kdtree::IndexError>(())
 /// ```
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AutoIndex(State);
 
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum State {
     Scan(ExactScan),
     /// The scan answers while the lists fill.
@@ -49,6 +51,7 @@ enum State {
 }
 
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Moving {
     scan: ExactScan,
     lists: InvertedLists,
@@ -300,5 +303,68 @@ mod tests {
         backwards.rebuild().unwrap();
         assert_eq!(name_of(&forwards), "lists");
         assert_eq!(answers(&forwards), answers(&backwards));
+    }
+
+    /// Stored as a scan, on the move and as lists, and after removals that have left lists waiting to be divided: the restored
+    /// index answers as the stored one, and goes on as it does under the same changes.
+    #[cfg(feature = "serde")]
+    #[test]
+    fn a_stored_index_goes_on_as_if_it_had_never_been_stored() {
+        let mut rng = ChaCha8Rng::seed_from_u64(18);
+        let entries: Vec<Descriptor> = (0..7000).map(|_| random(&mut rng)).collect();
+        let mut index = AutoIndex::new();
+        let mut seen = std::collections::BTreeSet::new();
+        for (id, descriptor) in (0..).zip(&entries) {
+            index.insert(id, descriptor).unwrap();
+            if id % 7 == 3 {
+                index.remove(id / 2);
+            }
+            if ![200, 4300, 5200, 6100, 6600].contains(&id) {
+                continue;
+            }
+            seen.insert(name_of(&index));
+            let bytes = postcard::to_allocvec(&index).unwrap();
+            let mut restored: AutoIndex = postcard::from_bytes(&bytes).unwrap();
+            assert!(postcard::to_allocvec(&restored).unwrap() == bytes, "{id}");
+            let mut original = index.clone();
+            for next in 0..300 {
+                for one in [&mut original, &mut restored] {
+                    one.insert(100_000 + next, &entries[next as usize]).unwrap();
+                    one.remove(id.saturating_sub(3 * next));
+                }
+                let query = random(&mut rng);
+                assert_eq!(original.two_nearest(&query), restored.two_nearest(&query));
+            }
+        }
+        assert!(seen.contains("scan") && seen.contains("lists"), "{seen:?}");
+    }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn a_damaged_stored_index_is_refused_or_answers() {
+        let mut rng = ChaCha8Rng::seed_from_u64(19);
+        let mut lists = InvertedLists::new(InvertedListsParams {
+            list_capacity: 8,
+            probes: None,
+        })
+        .unwrap();
+        for id in 0..200 {
+            lists.insert(id, &random(&mut rng)).unwrap();
+        }
+        let bytes = postcard::to_allocvec(&AutoIndex(State::Lists(Box::new(lists)))).unwrap();
+        let mut refused = 0;
+        for position in (0..bytes.len()).step_by(5) {
+            let mut damaged = bytes.clone();
+            damaged[position] ^= 0x41;
+            match postcard::from_bytes::<AutoIndex>(&damaged) {
+                Err(_) => refused += 1,
+                Ok(mut index) => {
+                    drop(index.two_nearest(&[7; 128]));
+                    drop(index.insert(7777, &[9; 128]));
+                    index.remove(3);
+                }
+            }
+        }
+        assert!(refused > 20, "{refused}");
     }
 }

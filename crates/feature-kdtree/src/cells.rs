@@ -49,6 +49,10 @@ pub(crate) trait Directory {
     /// Removes a cell.
     fn remove(&mut self, cell: u32);
 
+    /// The number of cells that it knows.
+    #[cfg(feature = "serde")]
+    fn known_cells(&self) -> usize;
+
     /// The centroid of a cell.
     fn centroid(&self, cell: u32) -> Option<Descriptor>;
 
@@ -71,6 +75,7 @@ pub(crate) struct Visit {
 }
 
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Cell {
     rows: Rows,
     /// The cell is divided when it holds more rows.
@@ -81,6 +86,18 @@ struct Cell {
 
 /// Rows in cells, and the directory of the cells.
 #[derive(Debug, Clone)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        into = "StoredCells<D>",
+        try_from = "StoredCells<D>",
+        bound(
+            serialize = "D: Clone + serde::Serialize",
+            deserialize = "D: Directory + serde::Deserialize<'de>"
+        )
+    )
+)]
 pub(crate) struct Cells<D> {
     level: SimdLevel,
     capacity: usize,
@@ -90,6 +107,69 @@ pub(crate) struct Cells<D> {
     homes: IdTable,
     line: VecDeque<u32>,
     changes_since_division: u32,
+}
+
+/// Cells as they are stored: what follows from the rest is left out.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+struct StoredCells<D> {
+    capacity: usize,
+    directory: D,
+    cells: Vec<Cell>,
+    line: VecDeque<u32>,
+    changes_since_division: u32,
+}
+
+#[cfg(feature = "serde")]
+impl<D> From<Cells<D>> for StoredCells<D> {
+    fn from(cells: Cells<D>) -> Self {
+        Self {
+            capacity: cells.capacity,
+            directory: cells.directory,
+            cells: cells.cells,
+            line: cells.line,
+            changes_since_division: cells.changes_since_division,
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<D: Directory> TryFrom<StoredCells<D>> for Cells<D> {
+    type Error = crate::IndexError;
+
+    fn try_from(stored: StoredCells<D>) -> Result<Self, crate::IndexError> {
+        let rule = |holds: bool, rule| match holds {
+            true => Ok(()),
+            false => Err(crate::IndexError::Stored(rule)),
+        };
+        let count = stored.cells.len();
+        rule(stored.capacity >= 2, "a cell has room for two")?;
+        rule(
+            stored.line.iter().all(|cell| (*cell as usize) < count),
+            "only cells wait for a division",
+        )?;
+        rule(
+            stored.directory.known_cells() == count
+                && (0..count).all(|cell| stored.directory.centroid(cell as u32).is_some()),
+            "the directory has every cell once",
+        )?;
+        let mut homes = IdTable::default();
+        for (cell, rows) in stored.cells.iter().enumerate() {
+            for id in rows.rows.ids() {
+                rule(homes.get(*id).is_none(), "every id is in one cell")?;
+                homes.set(*id, cell as u32);
+            }
+        }
+        Ok(Self {
+            level: SimdLevel::best(),
+            capacity: stored.capacity,
+            directory: stored.directory,
+            cells: stored.cells,
+            homes,
+            line: stored.line,
+            changes_since_division: stored.changes_since_division,
+        })
+    }
 }
 
 impl<D: Directory> Cells<D> {

@@ -18,7 +18,9 @@ const WANTED_PER_PROBE: usize = 4;
 
 /// A directory that looks at all centroids: exact, O(cells).
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Flat {
+    #[cfg_attr(feature = "serde", serde(skip, default = "SimdLevel::best"))]
     level: SimdLevel,
     centroids: Rows,
 }
@@ -46,6 +48,11 @@ impl Directory for Flat {
         if let Some(position) = self.position(cell) {
             self.centroids.swap_remove(position);
         }
+    }
+
+    #[cfg(feature = "serde")]
+    fn known_cells(&self) -> usize {
+        self.centroids.len()
     }
 
     fn centroid(&self, cell: u32) -> Option<Descriptor> {
@@ -86,6 +93,11 @@ impl Directory for Cells<Flat> {
 
     fn remove(&mut self, cell: u32) {
         Cells::remove(self, cell);
+    }
+
+    #[cfg(feature = "serde")]
+    fn known_cells(&self) -> usize {
+        self.len()
     }
 
     fn centroid(&self, cell: u32) -> Option<Descriptor> {

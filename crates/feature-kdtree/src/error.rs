@@ -38,6 +38,9 @@ pub enum IndexError {
         /// The greatest value allowed.
         most: usize,
     },
+    /// A stored index that breaks the named rule.
+    #[error("stored index: {0}")]
+    Stored(&'static str),
     /// There are more descriptors than the index, or a position of 32 bits, can number.
     #[error("at most {most} descriptors can be numbered, given {given}")]
     TooMany {

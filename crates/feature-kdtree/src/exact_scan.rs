@@ -28,10 +28,38 @@ const QUERIES_AT_A_TIME: usize = 480;
 ///
 /// Insertion and removal are O(1). The answers do not depend on their order, nor on the vector instructions in use.
 #[derive(Debug, Clone)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(into = "Rows", try_from = "Rows")
+)]
 pub struct ExactScan {
     rows: Rows,
     position_of: IdMap,
     level: SimdLevel,
+}
+
+#[cfg(feature = "serde")]
+impl From<ExactScan> for Rows {
+    fn from(scan: ExactScan) -> Self {
+        scan.rows
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Rows> for ExactScan {
+    type Error = IndexError;
+
+    fn try_from(rows: Rows) -> Result<Self, IndexError> {
+        let mut scan = Self::new();
+        for (position, id) in rows.ids().iter().enumerate() {
+            if !scan.position_of.insert_new(*id, position as u32) {
+                return Err(IndexError::DuplicateId { id: *id });
+            }
+        }
+        scan.rows = rows;
+        Ok(scan)
+    }
 }
 
 impl Default for ExactScan {

@@ -41,6 +41,7 @@ const LEAST_PROBES: usize = 8;
 
 /// The size of the lists and the effort of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InvertedListsParams {
     /// Entries that a list holds before it is divided, at least 2. Default 128: shorter lists waste memory, longer ones
     /// make the search coarser.
@@ -79,8 +80,10 @@ impl InvertedListsParams {
 /// vector instructions. With lists of constant size, a query among n entries costs O(probes + n^(1/3)) scans of a list; a
 /// change costs O(n^(1/3)) of them in the mean and divides at most one list.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InvertedLists {
     params: InvertedListsParams,
+    #[cfg_attr(feature = "serde", serde(skip, default = "SimdLevel::best"))]
     level: SimdLevel,
     lists: Cells<Cells<Flat>>,
 }

@@ -12,11 +12,59 @@ const EXACT_BLOCKS: usize = 16;
 ///
 /// The ids are not checked: the owner of the rows keeps them unique.
 #[derive(Debug, Clone)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(into = "StoredRows", try_from = "StoredRows")
+)]
 pub(crate) struct Rows {
     blocks: Vec<RowBlock>,
     ids: Vec<u32>,
     /// Whether the ids ascend with the position.
     sorted: bool,
+}
+
+/// Rows as they are stored.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+struct StoredRows {
+    ids: Vec<u32>,
+    /// Descriptors by position, one after the other.
+    descriptors: Vec<u8>,
+    sorted: bool,
+}
+
+#[cfg(feature = "serde")]
+impl From<Rows> for StoredRows {
+    fn from(rows: Rows) -> Self {
+        Self {
+            descriptors: (0..rows.len())
+                .flat_map(|row| rows.descriptor(row))
+                .collect(),
+            ids: rows.ids,
+            sorted: rows.sorted,
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<StoredRows> for Rows {
+    type Error = crate::IndexError;
+
+    fn try_from(stored: StoredRows) -> Result<Self, crate::IndexError> {
+        let (descriptors, rest) = stored.descriptors.as_chunks();
+        if !rest.is_empty() || descriptors.len() != stored.ids.len() {
+            return Err(crate::IndexError::Stored("every id has 128 bytes"));
+        }
+        let mut rows = Self::default();
+        rows.reserve(stored.ids.len());
+        for (id, descriptor) in stored.ids.iter().zip(descriptors) {
+            rows.push(*id, descriptor);
+        }
+        // Rows that were out of order once are taken for unsorted ones.
+        rows.sorted &= stored.sorted;
+        Ok(rows)
+    }
 }
 
 impl Default for Rows {

@@ -65,6 +65,7 @@ pub struct OdometrySample {
 /// They grow with the square root of time, distance and turn; terms of one quantity add in squares. All values are finite
 /// and not negative; every one may be zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ControlNoise {
     /// Forward, per square root of the distance driven: m / sqrt(m).
     pub forward_per_sqrt_m: f64,
@@ -128,6 +129,7 @@ impl ControlNoise {
 
 /// A planar motion with its uncertainty: motion = mean * exp(delta), delta ~ N(0, covariance).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Increment {
     /// End pose in the frame of the start pose.
     pub mean: Se2,

@@ -9,6 +9,7 @@ use crate::se3::Se3;
 
 /// Centre and orientation of a camera, ready to project.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlacedCamera {
     /// Centre of the camera in world axes, in the length unit of the world (commonly metres).
     pub centre: Vector3<f64>,

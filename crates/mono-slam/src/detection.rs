@@ -40,12 +40,11 @@ impl<'a> FrameDetector<'a> {
         }
     }
 
-    /// The features of frame `index`; `None` after the last frame.
-    pub(crate) fn detect(&mut self, index: usize) -> Option<Result<Detected, RunError>> {
-        (index < self.sequence.images.len()).then(|| self.frame(index))
-    }
-
-    fn frame(&mut self, index: usize) -> Result<Detected, RunError> {
+    /// The features of frame `index`.
+    ///
+    /// # Errors
+    /// [`RunError::Sequence`] when the image cannot be read, [`RunError::Features`] for one that SIFT refuses.
+    pub(crate) fn detect(&mut self, index: usize) -> Result<Detected, RunError> {
         let mut lap = Lap::start(self.clock);
         let image = self.sequence.load_image(index)?;
         let decode_ms = lap.lap_ms();

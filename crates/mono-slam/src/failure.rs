@@ -11,6 +11,9 @@ use mono_slam::run::RunError;
 use slam_io::{OutputError, SequenceError};
 use trajectory_eval::EvaluationError;
 
+/// Exit code of a process that a signal ended, less the number of the signal.
+pub(crate) const SIGNAL_CODE: i32 = 128;
+
 /// A failed command.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -18,6 +21,13 @@ pub(crate) enum Failure {
     Input(anyhow::Error),
     /// A threshold was not met: exit code 3.
     Threshold(String),
+    /// A signal asked the process to end: exit code 128 and its number.
+    Interrupted {
+        /// Number of the signal.
+        signal: i32,
+        /// What became of the work.
+        sentence: String,
+    },
     /// Anything else: exit code 1.
     Other(anyhow::Error),
 }
@@ -28,9 +38,21 @@ impl Failure {
         Failure::Input(anyhow::Error::msg(sentence))
     }
 
+    /// The same failure, with a clause about its consequence behind its message.
+    pub(crate) fn with(self, consequence: &str) -> Failure {
+        let sentence = format!("{self}; {consequence}");
+        match self {
+            Failure::Input(_) => Failure::input(sentence),
+            Failure::Other(_) => Failure::Other(anyhow::Error::msg(sentence)),
+            Failure::Threshold(_) => Failure::Threshold(sentence),
+            Failure::Interrupted { signal, .. } => Failure::Interrupted { signal, sentence },
+        }
+    }
+
     /// The process's exit code.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
+            Failure::Interrupted { signal, .. } => (SIGNAL_CODE + signal) as u8,
             Failure::Other(_) => 1,
             Failure::Input(_) => 2,
             Failure::Threshold(_) => 3,
@@ -43,7 +65,9 @@ impl fmt::Display for Failure {
         match self {
             // The alternate form names the causes too, in one line.
             Failure::Input(error) | Failure::Other(error) => write!(formatter, "{error:#}"),
-            Failure::Threshold(sentence) => formatter.write_str(sentence),
+            Failure::Threshold(sentence) | Failure::Interrupted { sentence, .. } => {
+                formatter.write_str(sentence)
+            }
         }
     }
 }
@@ -60,6 +84,7 @@ impl From<RunError> for Failure {
             RunError::Sequence(_)
             | RunError::Camera(_)
             | RunError::Sigma(_)
+            | RunError::State(_)
             | RunError::Features(_) => Failure::input(error.to_string()),
             RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
         }
@@ -99,7 +124,8 @@ impl From<OutputError> for Failure {
         match error {
             OutputError::Malformed { .. }
             | OutputError::Unusable { .. }
-            | OutputError::Io { action: "read", .. } => Failure::input(sentence),
+            // A full disk or a folder without permission is the user's to mend.
+            | OutputError::Io { .. } => Failure::input(sentence),
             _ => Failure::Other(anyhow::Error::msg(sentence)),
         }
     }
@@ -130,6 +156,11 @@ pub(crate) fn distinct(files: &[(&str, &Path)]) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// One line on standard error; with nobody listening there is nobody to tell.
+pub(crate) fn tell(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
 }
 
 /// A remark for the user on standard error, one sentence.

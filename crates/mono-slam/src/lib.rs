@@ -30,6 +30,7 @@ pub mod recorded;
 pub mod refine;
 pub mod run;
 mod run_error;
+mod run_state;
 pub mod smooth;
 mod stopwatch;
 pub mod warnings;

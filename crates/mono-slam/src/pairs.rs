@@ -4,6 +4,7 @@ use feature_kdtree::match_mutual;
 use mono_geometry::Camera;
 use motion_consistency::FramePair;
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 use vision_sift::Features;
 
 /// Pairs that a run collects, at most; in shorter runs every pair begins where the one before it ends.
@@ -24,16 +25,17 @@ const MAX_GAP: usize = 64;
 /// The distance of the two frames follows the image motion, so that a camera of 5 Hz and one of 200 Hz give alike pairs.
 /// It keeps the keypoints of one frame. Time a pair: two exact searches of 300
 /// descriptors in 300.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PairCollector {
     spacing: usize,
     gap: usize,
     next: usize,
     earlier: Option<Earlier>,
+    #[serde(with = "stored_pairs")]
     pairs: Vec<FramePair>,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Earlier {
     index: usize,
     time_s: f64,
@@ -41,9 +43,10 @@ struct Earlier {
 }
 
 /// The strongest keypoints of a frame that the lens model reaches.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Strongest {
     ideal: Vec<Vector2<f64>>,
+    #[serde(with = "stored_descriptors")]
     descriptors: Vec<[u8; 128]>,
 }
 
@@ -95,6 +98,14 @@ impl PairCollector {
         }
     }
 
+    /// Whether it is as a run leaves it: to be asked of one that was read from a file.
+    pub(crate) fn is_whole(&self) -> bool {
+        let earlier = self.earlier.as_ref();
+        self.gap >= 1
+            && self.gap <= MAX_GAP
+            && earlier.is_none_or(|e| e.strongest.ideal.len() == e.strongest.descriptors.len())
+    }
+
     /// The pairs so far.
     #[must_use]
     pub fn pairs(&self) -> &[FramePair] {
@@ -135,5 +146,61 @@ impl Strongest {
             .iter()
             .map(|m| [self.ideal[m.query as usize], later.ideal[m.id as usize]])
             .collect()
+    }
+}
+
+/// Pairs as triples: times, matches.
+mod stored_pairs {
+    use motion_consistency::FramePair;
+    use nalgebra::Vector2;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    type Triple = (f64, f64, Vec<[Vector2<f64>; 2]>);
+
+    pub(super) fn serialize<S: Serializer>(
+        pairs: &[FramePair],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(pairs.iter().map(|p| (p.from_s, p.to_s, &p.matches)))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<FramePair>, D::Error> {
+        let triples = Vec::<Triple>::deserialize(deserializer)?;
+        Ok(triples
+            .into_iter()
+            .map(|(from_s, to_s, matches)| FramePair {
+                from_s,
+                to_s,
+                matches,
+            })
+            .collect())
+    }
+}
+
+/// Descriptors as bytes, one after the other.
+mod stored_descriptors {
+    use serde::de::Error as _;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        descriptors: &[[u8; 128]],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(descriptors.as_flattened())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<[u8; 128]>, D::Error> {
+        let bytes = <&[u8]>::deserialize(deserializer)?;
+        match bytes.as_chunks() {
+            (whole, []) => Ok(whole.to_vec()),
+            _ => Err(D::Error::invalid_length(
+                bytes.len(),
+                &"128 bytes a descriptor",
+            )),
+        }
     }
 }

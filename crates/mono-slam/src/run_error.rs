@@ -25,6 +25,9 @@ pub enum RunError {
     /// The filter failed.
     #[error(transparent)]
     Slam(#[from] SlamError),
+    /// Bytes that are no stored state of the run.
+    #[error("no state of this run: {0}")]
+    State(String),
     /// The threads could not be started.
     #[error("thread pool: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),

@@ -22,6 +22,11 @@ pub fn unique_ancestors(ancestors: &[usize]) -> usize {
 
 /// The resampling events from which the age of the common ancestor is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "StoredGenealogy")
+)]
 pub struct Genealogy {
     particles: usize,
     events: VecDeque<ResamplingEvent>,
@@ -29,11 +34,43 @@ pub struct Genealogy {
 
 /// One resampling: particle i of the set after it is a copy of particle `ancestors[i]` before.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct ResamplingEvent {
     /// The frame at which it happened.
     frame: u64,
     /// Ancestor of each slot.
     ancestors: Vec<usize>,
+}
+
+/// A genealogy as it was read, before it is believed.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+struct StoredGenealogy {
+    particles: usize,
+    events: VecDeque<ResamplingEvent>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<StoredGenealogy> for Genealogy {
+    type Error = RbpfError;
+
+    fn try_from(stored: StoredGenealogy) -> Result<Self, RbpfError> {
+        // Every event draws from the set that the one before it left; the first set is of any size.
+        let mut before = usize::MAX;
+        for event in &stored.events {
+            check_ancestors(&event.ancestors, before)?;
+            before = event.ancestors.len();
+        }
+        if !stored.events.is_empty() && before != stored.particles {
+            return Err(RbpfError::Stored(
+                "the last resampling leaves as many particles as there are",
+            ));
+        }
+        Ok(Self {
+            particles: stored.particles,
+            events: stored.events,
+        })
+    }
 }
 
 /// The particle in which the paths of the present particles meet.

@@ -44,6 +44,9 @@ pub enum RbpfError {
         /// Particles in the set.
         particles: usize,
     },
+    /// A stored particle set, map or genealogy that breaks the named rule.
+    #[error("stored state: {0}")]
+    Stored(&'static str),
     /// The resampling threshold is not a fraction.
     #[error(
         "resampling threshold {} given, a fraction of the particles from 0 to 1 required",

@@ -217,6 +217,12 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
         &self.streams
     }
 
+    /// How it resamples and rejuvenates.
+    #[must_use]
+    pub const fn config(&self) -> &FilterConfig {
+        &self.config
+    }
+
     /// The resampling events since the common ancestor.
     #[must_use]
     pub const fn genealogy(&self) -> &Genealogy {

@@ -10,7 +10,7 @@ use std::fmt;
 
 /// An append-only sequence that shares its past with its clones; `clone` is O(1).
 pub struct PersistentPath<T> {
-    entries: CowMap<T>,
+    pub(crate) entries: CowMap<T>,
 }
 
 impl<T> PersistentPath<T> {

@@ -22,13 +22,15 @@ use std::sync::Arc;
 
 pub(crate) const BITS: u32 = 4;
 pub(crate) const WIDTH: usize = 1 << BITS;
+/// Branch levels above the leaves, at most: eight levels of four bits are all of an id.
+pub(crate) const HIGHEST: u32 = u32::BITS / BITS - 1;
 
 /// A persistent map from `u32` ids to `T`; `clone` is O(1), and a write copies only what it touches.
 pub struct CowMap<T> {
     pub(crate) root: Option<Arc<Node<T>>>,
     /// Branch levels above the leaves; ids below 16^(height + 1) have a place.
     pub(crate) height: u32,
-    len: usize,
+    pub(crate) len: usize,
 }
 
 /// The part of one map that is physically the same memory as another's.
@@ -42,6 +44,7 @@ pub struct SharedLeaves {
     pub own_bytes: usize,
 }
 
+#[derive(Debug)]
 pub(crate) enum Node<T> {
     Leaf([Option<T>; WIDTH]),
     Branch([Option<Arc<Self>>; WIDTH]),

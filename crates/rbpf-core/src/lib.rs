@@ -88,6 +88,7 @@ mod parallel;
 mod particle_set;
 mod resampling;
 mod step;
+mod stored;
 mod streams;
 
 pub use diagnostics::{Genealogy, unique_ancestors};
@@ -104,6 +105,7 @@ pub use resampling::Resampler;
 pub use step::{
     MapUpdate, NoMapUpdate, NoRejuvenation, Proposal, Rejuvenation, RejuvenationReport,
 };
+pub use stored::{NodeTable, SharedNodes, StoredMap, StoredNodes};
 pub use streams::{Purpose, Streams};
 
 #[cfg(doctest)]

@@ -45,8 +45,12 @@ impl<P> ParticleSet<P> {
         check_length("origins", origins.len(), particles.len())?;
         let mut normalized = log_weights.clone();
         let log_sum = normalize(&mut normalized)?;
-        // the rounding of a log-sum-exp of n terms about zero
-        if log_sum.abs() > 4.0 * f64::EPSILON * (2.0 + particles.len() as f64) {
+        // the rounding of a log-sum-exp of n terms about zero, each rounded by its own size
+        let largest = log_weights
+            .iter()
+            .filter(|w| w.is_finite())
+            .fold(0.0, |most: f64, w| most.max(w.abs()));
+        if log_sum.abs() > 4.0 * f64::EPSILON * (2.0 + particles.len() as f64 + largest) {
             log_weights = normalized;
         }
         Ok(Self {

@@ -2,6 +2,7 @@
 
 use mono_geometry::{RobustLoss, Se2};
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 use slam_pipeline::config::{Method, OdometrySection, ValidConfig};
 use slam_pipeline::{OdometryInterval, Rig};
 
@@ -18,7 +19,7 @@ pub struct Keyframe {
 }
 
 /// One measurement of a landmark.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sighting {
     /// Index of the keyframe.
     pub keyframe: usize,

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use mono_geometry::Se2;
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 use slam_pipeline::{FrameReport, KeypointFate, OdometryInterval, PoseEstimate, Rig};
 use vision_sift::Features;
 
@@ -15,7 +16,7 @@ use crate::problem::{Keyframe, Model, Problem, Sighting, Track};
 use crate::solution::Solution;
 
 /// One frame of a recording.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Frame {
     /// Filtered body pose.
     filtered: Se2,
@@ -26,7 +27,7 @@ struct Frame {
 }
 
 /// Sightings of a run by landmark, odometry and filtered poses by frame.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Recording {
     frames: Vec<Frame>,
     /// Frame of each keyframe.
@@ -85,6 +86,28 @@ impl Recording {
     #[must_use]
     pub fn keyframes(&self) -> &[usize] {
         &self.keyframes
+    }
+
+    /// Whether frames, keyframes and sightings refer to one another as [`Self::push`] leaves them: to be asked of a
+    /// recording that was read from a file.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        let begins = self.frames.is_empty() == self.keyframes.is_empty()
+            && self.keyframes.first().is_none_or(|&first| first == 0);
+        let rising = self.keyframes.windows(2).all(|pair| pair[0] < pair[1]);
+        let of_frames = self.frames.iter().enumerate().all(|(index, frame)| {
+            let keyframe = self.keyframes.get(frame.keyframe);
+            let next = self.keyframes.get(frame.keyframe + 1);
+            keyframe.is_some_and(|&k| k <= index) && next.is_none_or(|&k| k > index)
+        });
+        let in_frames = self.keyframes.iter().all(|&k| k < self.frames.len());
+        let sighted = self.tracks.values().all(|track| {
+            track
+                .windows(2)
+                .all(|pair| pair[0].keyframe < pair[1].keyframe)
+                && track.iter().all(|s| s.keyframe < self.keyframes.len())
+        });
+        begins && rising && of_frames && in_frames && sighted
     }
 
     /// Number of frames.

@@ -27,6 +27,7 @@ fn run(landmarks: u32) -> RunRecord {
                 descriptor: Some(Box::new([7; 128])),
             })
             .collect(),
+        known_map: None,
         dead_reckoning: Vec::new(),
         reference: None,
         snapshots: Vec::new(),

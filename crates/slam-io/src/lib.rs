@@ -56,8 +56,9 @@ pub use error::SequenceError;
 pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, Images, image_files, read_grey};
 pub use output::{
-    OutputError, check_output_file, check_output_folder, covariance_csv, read_map, read_run,
-    tum_text, write_file, write_files, write_run,
+    Checkpoint, OutputError, RunIdentity, check_output_file, check_output_folder, covariance_csv,
+    read_checkpoint, read_known_map, read_map, read_run, remove_checkpoint, tum_text,
+    write_checkpoint, write_file, write_files, write_map, write_run,
 };
 pub use record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, RunScale, SmootherRecord,

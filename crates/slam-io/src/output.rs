@@ -6,7 +6,7 @@
 //! | `trajectory_smoothed.tum` | path that looks back over the whole run |
 //! | `covariance.csv` | covariance of every filtered pose |
 //! | `map.ply` | landmarks, coloured by uncertainty |
-//! | `map.slam` | landmarks with covariance and descriptor, checksummed, reloadable |
+//! | `map.slam` | camera, keyframes and landmarks with covariance and descriptor, checksummed: a run can begin in it |
 //! | `tracks.csv` | which landmark was found where at every keyframe |
 //! | `frames.csv` | counts, filter health and milliseconds of every frame |
 //! | `summary.json` | all figures, errors, seed, configuration, version |
@@ -19,6 +19,7 @@
 //! under a final name.
 
 mod atomic;
+mod checkpoint;
 mod error;
 mod map_file;
 mod pictures;
@@ -35,8 +36,11 @@ use crate::record::RunRecord;
 use atomic::{PendingFile, commit};
 use mono_geometry::Se2;
 
+pub use checkpoint::{
+    Checkpoint, RunIdentity, read_checkpoint, remove_checkpoint, write_checkpoint,
+};
 pub use error::OutputError;
-pub use map_file::read_map;
+pub use map_file::{read_known_map, read_map, write_map};
 pub use tables::{covariance_csv, tum as tum_text};
 pub use target::{check_output_file, check_output_folder};
 
@@ -78,7 +82,10 @@ pub fn write_run(
             tables::filtered_covariance_csv(&run.frames)?,
         ),
         ("map.ply", ply::ply(&run.landmarks).into_bytes()),
-        ("map.slam", map_file::encode_map(&run.landmarks)),
+        (
+            "map.slam",
+            map_file::encode_map(&run.landmarks, run.known_map.as_ref()),
+        ),
         ("tracks.csv", tables::tracks_csv(&run.tracks)?),
         ("frames.csv", tables::frames_csv(&run.frames)?),
         ("summary.json", summary::summary_json(run)?),
@@ -134,9 +141,9 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 /// [`OutputError`] when `report_data.json` or `map.slam` is missing, damaged or of
 /// another version, or `tracks.csv` is damaged; runs of earlier versions have no tracks.
 pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
-    let landmarks = read_map(&dir.join("map.slam"))?;
+    let map = map_file::read(&dir.join("map.slam"))?;
     let tracks = tables::read_tracks(&dir.join("tracks.csv"))?;
-    report_data::read(&dir.join("report_data.json"), landmarks, tracks)
+    report_data::read(&dir.join("report_data.json"), map, tracks)
 }
 
 /// Refuses a run with a NaN or an infinity in it and names the first place.
@@ -182,6 +189,28 @@ fn check_finite(run: &RunRecord) -> Result<(), OutputError> {
         let mut values = landmark.position.iter().chain(&landmark.covariance);
         if !values.all(|value| value.is_finite()) {
             return refuse(format!("landmark {}", landmark.id));
+        }
+    }
+    let keyframes = run.known_map.iter().flat_map(|map| &map.keyframes);
+    for (index, keyframe) in keyframes.enumerate() {
+        let camera = &keyframe.world_from_camera;
+        let mut values = camera.rotation.matrix().iter().chain(&camera.translation);
+        if !(finite_pose(&keyframe.body)
+            && values.all(|value| value.is_finite())
+            && keyframe.covariance.iter().all(|value| value.is_finite()))
+        {
+            return refuse(format!("keyframe {index} of the map"));
+        }
+    }
+    for landmark in run.known_map.iter().flat_map(|map| &map.landmarks) {
+        let mut values = landmark
+            .parameters
+            .iter()
+            .chain(&landmark.covariance)
+            .chain(&landmark.last_direction)
+            .chain([&landmark.existence]);
+        if !values.all(|value| value.is_finite()) {
+            return refuse(format!("landmark {} in its anchor", landmark.id));
         }
     }
     Ok(())

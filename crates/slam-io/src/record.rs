@@ -5,7 +5,7 @@
 
 use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::{FrameReport, KeypointFate, MapLandmark};
+use slam_pipeline::{FrameReport, KeypointFate, KnownMap, MapLandmark};
 
 use crate::disk;
 use crate::sequence::OdometryRow;
@@ -65,7 +65,7 @@ pub struct FrameRecord {
 }
 
 /// A frame kept for the picture strip of the report.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameSnapshot {
     /// Index in the sequence.
     pub index: usize,
@@ -150,6 +150,8 @@ pub struct RunRecord {
     pub tracks: Vec<TrackRow>,
     /// Final map of the best particle, in order of id.
     pub landmarks: Vec<MapLandmark>,
+    /// The same map as a later run can begin with it; `None` where the run made none.
+    pub known_map: Option<KnownMap>,
     /// Motions that the run expected in place of odometry, a row a frame but the last; empty where there was odometry.
     /// [`read_run`](crate::read_run) does not bring them back: they are the `odometry.csv` beside the results.
     pub predicted: Vec<OdometryRow>,

@@ -34,6 +34,7 @@ mod method;
 mod odometry;
 mod rig;
 mod slam;
+mod stored;
 
 pub use ablation::Ablation;
 pub use features::detector_of;

@@ -16,13 +16,14 @@
 //!
 //! Nothing else in the crate asks which method runs.
 
+use serde::{Deserialize, Serialize};
 use ukf::SigmaPoints;
 
 use crate::ablation::Ablation;
 use crate::config::{Config, Method};
 
 /// How odometry rows move the body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum MotionStep {
     /// The arc of constant speed and turn rate.
     ExactArc,

@@ -4,12 +4,13 @@
 use mono_geometry::motion::{ControlNoise, Increment, OdometrySample, accumulate, paper_euler};
 use mono_geometry::{GeometryError, Se2};
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::config::OdometrySection;
 use crate::method::MotionStep;
 
 /// One odometry row clipped to an interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OdometryInterval {
     /// Seconds it holds.
     pub duration_s: f64,
@@ -20,7 +21,7 @@ pub struct OdometryInterval {
 }
 
 /// Odometry between two filter steps.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     /// Body motion in the previous body frame, metres and radians.
     pub increment: Se2,
@@ -58,7 +59,7 @@ impl Control {
 }
 
 /// Accumulates intervals since the last filter step.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Odometer {
     noise: ControlNoise,
     step: MotionStep,

@@ -3,6 +3,7 @@
 pub(crate) mod batch;
 pub(crate) mod calibrate;
 pub(crate) mod camera;
+mod checkpoints;
 pub(crate) mod compare;
 pub(crate) mod config;
 mod configuration;
@@ -10,8 +11,10 @@ pub(crate) mod eval;
 mod eval_text;
 pub(crate) mod features;
 pub(crate) mod info;
+mod interrupt;
 pub(crate) mod match_images;
 pub(crate) mod report;
+mod reporter;
 pub(crate) mod run;
 mod sequence_options;
 mod stand_in;

@@ -1,29 +1,26 @@
 //! `mono-slam run`: a sequence folder in, a folder of results out.
 
-use std::io::IsTerminal as _;
-use std::path::PathBuf;
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use mono_slam::run::{Progress, run_sequence};
+use mono_slam::run::{Run, RunError};
 use mono_slam::{warnings, without_odometry};
 use slam_io::{
-    OdometrySource, RunRecord, RunScale, Sequence, Warning, check_output_folder, odometry_csv,
-    write_run,
+    OdometrySource, RunIdentity, RunRecord, RunScale, Sequence, Warning, check_output_folder,
+    configuration, odometry_csv, write_run,
 };
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
+use super::checkpoints::{CheckpointOptions, Checkpoints};
 use super::configuration::read_configuration;
+use super::interrupt::Interrupt;
+use super::reporter::Reporter;
 use super::sequence_options::SequenceOptions;
 use super::stand_in::StandIn;
 use super::threshold::{check_ate, metres, whole};
-use crate::failure::Failure;
-
-/// Seconds between two lines of progress where there is no terminal.
-const LINE_EVERY: Duration = Duration::from_secs(3);
+use crate::failure::{Failure, remark, tell};
 
 /// Arguments of `mono-slam run`.
 #[derive(Debug, clap::Args)]
@@ -36,7 +33,7 @@ pub(crate) struct Arguments {
     options: SequenceOptions,
     #[command(flatten)]
     stand_in: StandIn,
-    /// Folder for the results; made when the run has succeeded
+    /// Folder for the results; made when the run ends
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Configuration file; `mono-slam config` prints the default
@@ -57,6 +54,8 @@ pub(crate) struct Arguments {
     /// Threads; 0 takes all cores, the results do not depend on it
     #[arg(long, value_parser = whole::<u32>)]
     threads: Option<u32>,
+    #[command(flatten)]
+    checkpoint: CheckpointOptions,
     /// No progress, no summary
     #[arg(long)]
     quiet: bool,
@@ -85,6 +84,15 @@ enum MethodName {
     Conventional,
 }
 
+/// Why the loop over the frames ended.
+enum End {
+    Done,
+    /// A signal of this number.
+    Interrupted(i32),
+    /// The input or the filter.
+    Broken(RunError),
+}
+
 /// Runs and writes the results.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = settings(arguments)?;
@@ -109,18 +117,108 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     {
         return Err(Failure::input(format!("--max-ate: {}", warning.message)));
     }
+    let checkpoints = Checkpoints::of(
+        &arguments.checkpoint,
+        &arguments.out,
+        RunIdentity::of(&sequence, &without_threads(&config), None),
+    )?;
+    let started = Instant::now();
+    let clock = move || started.elapsed().as_secs_f64();
+    let mut run = match checkpoints.stored()? {
+        Some(state) => Run::resume(&sequence, &config, &clock, &state)
+            .map_err(|error| checkpoints.refused(&error))?,
+        None => Run::begin(&sequence, &config, &clock)?,
+    };
     // What the files tell is told before the run, what the images tell after it; all of it even when quiet: a run whose
     // inputs do not fit must not end without a word.
     let before: Vec<&Warning> = sequence.warnings.iter().chain(&reference).collect();
     for warning in &before {
         warn(warning);
     }
-    let started = Instant::now();
-    let clock = move || started.elapsed().as_secs_f64();
+    if run.frames() > 0 {
+        remark(&format!("going on after {} frames", run.frames()));
+    }
+    let interrupt = Interrupt::listen()?;
     let reporter = Reporter::new(arguments.quiet, sequence.images.len());
-    let record = run_sequence(&sequence, &config, &clock, &mut |p| reporter.report(p))?;
+    let end = loop {
+        match run.step() {
+            Ok(Some(progress)) => reporter.report(progress),
+            Ok(None) => break End::Done,
+            Err(error) if run.frames() == 0 => return Err(error.into()),
+            Err(error) => break End::Broken(error),
+        }
+        if let Some(signal) = interrupt.signal() {
+            break End::Interrupted(signal);
+        }
+        checkpoints.after(&mut run)?;
+    };
     reporter.finish();
-    let page = render_run_html(&record).into_bytes();
+    match end {
+        End::Done => {
+            let record = run.finish();
+            write_results(&record, &sequence, &arguments.out)?;
+            checkpoints.remove()?;
+            for warning in record.warnings.iter().filter(|w| !before.contains(w)) {
+                warn(warning);
+            }
+            let ate = ate_m(&record)?;
+            if !arguments.quiet {
+                tell(&summary(&record, ate, &arguments.out.display().to_string()));
+            }
+            match ate {
+                Some(ate) => check_ate(ate, arguments.max_ate),
+                None => Ok(()),
+            }
+        }
+        End::Interrupted(signal) => {
+            let so_far = keep(
+                run,
+                &checkpoints,
+                &sequence,
+                &arguments.out,
+                "it was interrupted",
+            )?;
+            Err(Failure::Interrupted {
+                signal,
+                sentence: format!("interrupted {so_far}"),
+            })
+        }
+        End::Broken(error) => {
+            let reason = error.to_string();
+            let so_far = keep(run, &checkpoints, &sequence, &arguments.out, &reason)?;
+            Err(Failure::from(error).with(&format!("the run stopped {so_far}")))
+        }
+    }
+}
+
+/// Keeps the checkpoint and the results of a run that ends early; says in a clause where they are and how to go on.
+fn keep(
+    mut run: Run<'_>,
+    checkpoints: &Checkpoints,
+    sequence: &Sequence,
+    out: &Path,
+    reason: &str,
+) -> Result<String, Failure> {
+    let (frames, all) = (run.frames(), sequence.images.len());
+    let stored = checkpoints.save(&mut run);
+    let mut record = run.finish();
+    record.warnings.push(Warning::new(
+        "run-incomplete",
+        format!("The run ended after {frames} of {all} frames: {reason}"),
+    ));
+    write_results(&record, sequence, out)?;
+    let going_on = match stored {
+        Ok(()) => "the same command with --resume goes on".to_owned(),
+        Err(failure) => format!("it cannot go on, for there is no checkpoint: {failure}"),
+    };
+    Ok(format!(
+        "after {frames} of {all} frames; results so far in {}; {going_on}",
+        out.display()
+    ))
+}
+
+fn write_results(record: &RunRecord, sequence: &Sequence, out: &Path) -> Result<(), Failure> {
+    let page = render_run_html(record).into_bytes();
     let mut beside = sequence.input_files()?;
     if !record.predicted.is_empty() {
         // What the filter expected stands for the odometry in a batch over the run.
@@ -128,18 +226,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         beside.push(("odometry.csv", odometry_csv(&record.predicted).into_bytes()));
     }
     beside.push(("report.html", page));
-    write_run(&record, &arguments.out, &beside)?;
-    for warning in record.warnings.iter().filter(|w| !before.contains(w)) {
-        warn(warning);
-    }
-    let ate = ate_m(&record)?;
-    if !arguments.quiet {
-        tell(&summary(&record, ate, &arguments.out.display().to_string()));
-    }
-    match ate {
-        Some(ate) => check_ate(ate, arguments.max_ate),
-        None => Ok(()),
-    }
+    write_run(record, out, &beside)?;
+    Ok(())
+}
+
+/// The configuration as the identity of a run has it: results do not depend on the number of threads.
+fn without_threads(config: &Config) -> String {
+    let mut config = config.clone();
+    config.filter.threads = 0;
+    configuration::to_toml(&config)
 }
 
 fn settings(arguments: &Arguments) -> Result<Config, Failure> {
@@ -223,78 +318,4 @@ fn summary(record: &RunRecord, ate_m: Option<f64>, out: &str) -> String {
 
 fn warn(warning: &Warning) {
     tell(&format!("mono-slam: warning: {warning}"));
-}
-
-/// One line on standard error; with nobody listening there is nobody to tell.
-fn tell(line: &str) {
-    use std::io::Write as _;
-    let _ = writeln!(std::io::stderr(), "{line}");
-}
-
-/// A bar on a terminal, a line now and then elsewhere, nothing when quiet.
-enum Reporter {
-    Quiet,
-    Bar(ProgressBar),
-    Lines {
-        started: Instant,
-        last: Mutex<Instant>,
-    },
-}
-
-impl Reporter {
-    fn new(quiet: bool, frames: usize) -> Self {
-        if quiet {
-            return Self::Quiet;
-        }
-        if !std::io::stderr().is_terminal() {
-            let now = Instant::now();
-            return Self::Lines {
-                started: now,
-                last: Mutex::new(now),
-            };
-        }
-        let bar = ProgressBar::new(frames as u64);
-        // Within 60 columns: the bar takes what the figures leave.
-        if let Ok(style) =
-            ProgressStyle::with_template("{wide_bar} {pos}/{len} {rate} {eta} left, {msg}")
-        {
-            let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-                // A bar that cannot be drawn is not drawn.
-                let _ = write!(out, "{:.1} Hz", state.per_sec());
-            };
-            bar.set_style(style.with_key("rate", rate));
-        }
-        Self::Bar(bar)
-    }
-
-    fn report(&self, p: Progress) {
-        match self {
-            Self::Quiet => {}
-            Self::Bar(bar) => {
-                bar.set_message(format!("{} landmarks", p.landmarks));
-                bar.set_position(p.frame as u64);
-            }
-            Self::Lines { started, last } => {
-                let Ok(mut last) = last.lock() else { return };
-                if last.elapsed() < LINE_EVERY {
-                    return;
-                }
-                *last = Instant::now();
-                let rate = p.frame as f64 / started.elapsed().as_secs_f64();
-                tell(&format!(
-                    "frame {}/{}, {rate:.1} Hz, {:.0} s left, {} landmarks",
-                    p.frame,
-                    p.frames,
-                    (p.frames - p.frame) as f64 / rate,
-                    p.landmarks
-                ));
-            }
-        }
-    }
-
-    fn finish(&self) {
-        if let Self::Bar(bar) = self {
-            bar.finish_and_clear();
-        }
-    }
 }

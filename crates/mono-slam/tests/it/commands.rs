@@ -211,6 +211,7 @@ fn report_draws_the_page_again() {
         smoother: None,
         tracks: Vec::new(),
         landmarks: Vec::new(),
+        known_map: None,
         dead_reckoning: Vec::new(),
         reference: None,
         snapshots: Vec::new(),

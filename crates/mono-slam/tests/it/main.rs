@@ -13,6 +13,7 @@ mod comparison;
 mod contradictions;
 mod edges;
 mod fixtures;
+mod going_on;
 mod info_command;
 mod recorded_board;
 mod recorded_logs;

@@ -61,6 +61,7 @@ fn recorded(seed: u64) -> RecordedRun {
             smoother: None,
             tracks: Vec::new(),
             landmarks: Vec::new(),
+            known_map: None,
             dead_reckoning: Vec::new(),
             reference: None,
             snapshots: Vec::new(),

@@ -219,3 +219,25 @@ proptest! {
         prop_assert!(told);
     }
 }
+
+/// Weights far from one another have a log-sum that is rounded by their sizes: such a set was normalised again when it was
+/// put together from its own parts, and lost bits.
+#[test]
+fn regress_a_set_put_together_from_its_parts_lost_bits() {
+    for seed in 0..500 {
+        let mut rng = Streams::new(seed).shared(0, rbpf_core::Purpose::Scene);
+        let mut set = ParticleSet::new(vec![(); 12]).expect("valid set");
+        for _ in 0..5 {
+            let increments: Vec<f64> = (0..12)
+                .map(|_| 3.0 * rng.sample::<f64, _>(StandardNormal))
+                .collect();
+            set.reweight(&increments).expect("finite weights");
+        }
+        let again = ParticleSet::from_parts(
+            set.particles().to_vec(),
+            set.log_weights().to_vec(),
+            set.origins().to_vec(),
+        );
+        assert_eq!(again.expect("valid set"), set, "seed {seed}");
+    }
+}

@@ -10,9 +10,9 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::MapLandmark;
 
 use super::error::OutputError;
+use super::map_file::MapFile;
 use crate::disk::Pose;
 use crate::record::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, RunScale, SmootherRecord, TrackRow,
@@ -92,10 +92,10 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
     serde_json::to_vec(&data).map_err(OutputError::encoding)
 }
 
-/// A run from the file, the landmarks of its map and its tracks.
+/// A run from the file, its map and its tracks.
 pub(super) fn read(
     path: &Path,
-    landmarks: Vec<MapLandmark>,
+    map: MapFile,
     tracks: Vec<TrackRow>,
 ) -> Result<RunRecord, OutputError> {
     let bytes = fs::read(path).map_err(|source| OutputError::io(path, "read", source))?;
@@ -123,7 +123,8 @@ pub(super) fn read(
         smoothed: from_disk(data.smoothed),
         smoother: data.smoother.map(Cow::into_owned),
         tracks,
-        landmarks,
+        landmarks: map.landmarks,
+        known_map: map.known,
         dead_reckoning: data.dead_reckoning.into_iter().map(Pose::into).collect(),
         reference: data.reference.map(from_disk),
         snapshots,

@@ -13,6 +13,7 @@
 //! there the images only repeat the scale.
 
 use nalgebra::{Matrix2, SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 use super::linearised::PosePosterior;
 use super::motion::{MotionPrior, NoiseFactors};
@@ -36,12 +37,12 @@ const START: f64 = 4.0;
 const LEAST_SHARE: f64 = 0.01;
 
 /// Running sums of the corrections.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Adaptation {
     sums: [Sums; AXES],
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Sums {
     squares: f64,
     weight: f64,

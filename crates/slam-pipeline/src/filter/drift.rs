@@ -17,6 +17,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::linearised::{PoseLinearisation, PosePosterior};
 use super::motion::MotionPrior;
@@ -128,7 +129,7 @@ pub(crate) fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64>
 }
 
 /// Joint covariance of the errors of some keyframes: the latest ones, and thinned out more and more, the older ones.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Drift {
     /// Index of the next keyframe.
     next: u32,
@@ -168,6 +169,19 @@ impl Drift {
             keyframes: thinned.kept,
             rows: thinned.rows,
         }
+    }
+
+    /// Whether there is a row for every keyframe, each one entry longer than the one before.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.kept.len() == self.positions.len()
+            && self.rows.len() == self.positions.len()
+            && self.kept.windows(2).all(|pair| pair[0] < pair[1])
+            && self.kept.last().is_none_or(|last| *last < self.next)
+            && self
+                .rows
+                .iter()
+                .enumerate()
+                .all(|(i, row)| row.len() == i + 1)
     }
 
     /// Adds the next keyframe at `position` (metres) and returns cov(e_t, e_t).

@@ -8,9 +8,10 @@
 use mono_geometry::Pinhole;
 use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How the three numbers of a landmark are read.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Parametrisation {
     /// (alpha, beta, rho) in the camera of this keyframe of the particle's path.
     InverseDepth {
@@ -22,7 +23,7 @@ pub(crate) enum Parametrisation {
 }
 
 /// Gaussian estimate of one landmark in one particle.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Landmark {
     /// How `mean` is read.
     pub(crate) parametrisation: Parametrisation,

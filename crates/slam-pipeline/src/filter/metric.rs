@@ -12,6 +12,7 @@
 use estimation_base::Manifold;
 use mono_geometry::Se2;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::motion::{CONSTANTS, CarrierModel, MotionPrior};
 use super::pose::{CameraPose, PoseStep};
@@ -20,7 +21,7 @@ use super::pose::{CameraPose, PoseStep};
 const AXES: usize = 5;
 
 /// Gaussian over the metric position of the body and the constants of the carrier, given the path.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MetricState {
     /// Mean over the axes.
     pub(crate) mean: SVector<f64, AXES>,

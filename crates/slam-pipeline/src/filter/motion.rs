@@ -11,6 +11,7 @@
 
 use estimation_base::Manifold;
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::odometry::Control;
 
@@ -35,7 +36,7 @@ pub(crate) const CONSTANTS: usize = 3;
 pub(crate) type ConstantGains = SMatrix<f64, POSE_DIM, CONSTANTS>;
 
 /// The freedoms of the carrier that odometry does not measure.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CarrierModel {
     /// Standard deviation of roll and pitch, radians; zero for a strictly planar carrier.
     pub(crate) tilt_sigma: f64,
@@ -57,7 +58,7 @@ pub(crate) struct CarrierModel {
 }
 
 /// Factors of the standard deviation of the process noise, by body axis; one where the stated noise is right.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct NoiseFactors {
     /// Sideways.
     pub(crate) sideways: f64,

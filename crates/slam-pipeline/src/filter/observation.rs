@@ -3,6 +3,7 @@
 use mono_geometry::Pinhole;
 use mono_geometry::inverse_depth::{LandmarkGeometry, LandmarkView};
 use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::landmark::Landmark;
 use super::particle::Particle;
@@ -10,7 +11,7 @@ use crate::odometry::Control;
 
 /// How a match enters the pose: decided once for all particles, so that their
 /// weights compare.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Scoring {
     /// Both pixel coordinates.
     Full,
@@ -22,7 +23,7 @@ pub(crate) enum Scoring {
 }
 
 /// One keypoint matched to one landmark.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MatchedFeature {
     /// Landmark.
     pub(crate) id: u32,
@@ -38,7 +39,7 @@ pub(crate) struct MatchedFeature {
 }
 
 /// A sighting at a keyframe.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Sighting {
     /// Keyframe index.
     pub(crate) keyframe: u32,
@@ -47,7 +48,7 @@ pub(crate) struct Sighting {
 }
 
 /// A landmark that starts from two views (delayed methods).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Initialisation {
     /// Landmark.
     pub(crate) id: u32,
@@ -60,7 +61,7 @@ pub(crate) struct Initialisation {
 }
 
 /// Everything a filter step needs from one frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FrameObservation {
     /// Odometry since the last filter step.
     pub(crate) control: Control,

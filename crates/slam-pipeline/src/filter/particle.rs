@@ -1,5 +1,6 @@
 //! One hypothesis of the filter: a path, the map that follows from it, and the metric state given both.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use mono_geometry::inverse_depth::LandmarkGeometry;
@@ -13,7 +14,7 @@ use super::motion::{Departure, MotionPrior};
 use super::pose::{CameraPose, PoseMatrix};
 
 /// A keyframe of a particle's path.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Keyframe {
     /// Pose of the particle.
     pub(crate) pose: CameraPose,

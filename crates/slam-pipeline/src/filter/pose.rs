@@ -11,6 +11,7 @@ use estimation_base::{Manifold, wrap};
 use mono_geometry::world_from_tilted_body;
 use mono_geometry::{PlacedCamera, Se2};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::rig::Rig;
 
@@ -27,7 +28,7 @@ pub(crate) type PoseMatrix = SMatrix<f64, POSE_DIM, POSE_DIM>;
 pub(crate) const PLANAR: [usize; 3] = [0, 1, 3];
 
 /// Camera centre and body attitude.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CameraPose {
     /// Camera centre in the particle's world, in its length unit.
     pub(crate) centre: Vector3<f64>,

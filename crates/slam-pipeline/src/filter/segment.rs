@@ -4,6 +4,7 @@
 //! observations since ([`WindowStep`]) any other path can be taken: [`SegmentDriver::drive`] gives the particle that would be
 //! here, map and metric state included. Snapshots share their maps with the particle.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::landmark::InverseDepthPrior;
@@ -15,7 +16,7 @@ use super::pose::CameraPose;
 use crate::rig::Rig;
 
 /// A keyframe of the window.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct WindowStep {
     /// Its measurements.
     pub(crate) observation: FrameObservation,

@@ -7,6 +7,8 @@
 //! A keyframe collects its changes in a [`CatalogueUpdate`] and applies them at its end.
 
 use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 use feature_kdtree::{
@@ -30,7 +32,7 @@ use crate::method::DescriptorSearch;
 const NEW_LOOK_DISTANCE_SQUARED: u32 = 120 * 120;
 
 /// Whether the particles hold the landmark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Stage {
     /// Seen once, not in the map.
     Tentative,
@@ -39,14 +41,16 @@ pub(crate) enum Stage {
 }
 
 /// One landmark or tentative feature.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Entry {
     /// Whether the particles hold it.
     pub(crate) stage: Stage,
     /// Descriptor of the last sighting.
+    #[serde(with = "crate::stored::descriptor")]
     pub(crate) descriptor: Box<Descriptor>,
     /// Descriptor that the ratio test compares: it stays until a sighting looks clearly different, so that the nearest
     /// neighbours of a keypoint do not change with every frame.
+    #[serde(with = "crate::stored::descriptor")]
     pub(crate) look: Box<Descriptor>,
     /// Gaussian after the first sighting, in the anchor camera.
     pub(crate) prototype: Landmark,
@@ -120,13 +124,15 @@ struct Index {
 }
 
 /// All landmarks and tentative features, by id.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Catalogue {
     entries: BTreeMap<u32, Entry>,
     next_id: u32,
     /// Answers that would otherwise need a look at every entry; `None` until [`Self::follow`] makes it.
+    #[serde(skip)]
     index: Option<Index>,
-    /// Looks of all entries, where the method searches the whole map.
+    /// Looks of all entries, where the method searches the whole map; a state with it is not stored.
+    #[serde(skip)]
     forest: Option<KdForest>,
 }
 

@@ -3,6 +3,8 @@
 //! Finding a landmark again raises the belief; not finding one that is predicted in view lowers it. A landmark whose
 //! belief falls below a floor leaves the map.
 
+use serde::{Deserialize, Serialize};
+
 /// Log odds ratio of a match: 60 % of the landmarks in view are found again, 5 % of wrong ones find some match.
 const SEEN: f64 = 2.48;
 /// The same for a landmark in view that was not found: ln(0.4 / 0.95).
@@ -12,7 +14,7 @@ const CEILING: f64 = 5.0;
 /// A landmark below this is believed gone: odds of 1 to 20 against it.
 const FLOOR: f64 = -3.0;
 /// Log odds that a landmark exists; even odds at the start.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Existence {
     log_odds: f64,
 }

@@ -26,6 +26,7 @@ mod results;
 mod revisit;
 mod scoring_budget;
 mod standing;
+mod stored;
 #[cfg(test)]
 mod tests;
 mod turned;
@@ -33,6 +34,7 @@ mod window;
 
 use mono_geometry::Se2;
 use place_recognition::PlaceIndex;
+use serde::{Deserialize, Serialize};
 
 use rbpf_core::{
     FilterConfig, ParticleFilter, ParticleSet, RejuvenationSchedule, Resampler, Streams,
@@ -98,6 +100,9 @@ pub enum SlamError {
     /// The index of places refused a landmark.
     #[error("index of places: {0}")]
     Places(#[from] place_recognition::PlaceError),
+    /// A state that cannot be stored, or bytes that are no state of this system.
+    #[error("state of the filter: {0}")]
+    State(String),
     /// A row of odometry is not a number.
     #[error("odometry: {0}")]
     Odometry(#[from] mono_geometry::GeometryError),
@@ -129,8 +134,9 @@ pub struct Slam {
 }
 
 /// Everything that a frame changes.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct State {
+    #[serde(with = "stored::particles")]
     filter: ParticleFilter<Particle>,
     catalogue: Catalogue,
     /// Looks of the landmarks of the map, to find a place again.
@@ -158,7 +164,7 @@ struct State {
 }
 
 /// The place of a frame relative to the keyframe before it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct FrameAnchor {
     keyframe: u32,
     keyframe_from_body: Se2,
@@ -204,11 +210,7 @@ impl Slam {
         let filter = ParticleFilter::new(
             set,
             Streams::new(config.filter.seed),
-            FilterConfig {
-                resampler: Resampler::Systematic,
-                resampling_threshold: policies.resampling_threshold,
-                rejuvenation: RejuvenationSchedule::AfterResampling,
-            },
+            filter_config(policies.resampling_threshold),
         )
         .map_err(|e| filter_error(0, e))?;
         let guided_distance = config.association.guided_distance;
@@ -281,6 +283,14 @@ impl Slam {
             },
             ..self.carrier
         }
+    }
+}
+
+fn filter_config(resampling_threshold: f64) -> FilterConfig {
+    FilterConfig {
+        resampler: Resampler::Systematic,
+        resampling_threshold,
+        rejuvenation: RejuvenationSchedule::AfterResampling,
     }
 }
 

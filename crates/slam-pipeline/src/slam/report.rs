@@ -2,9 +2,10 @@
 
 use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A body pose with its covariance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseEstimate {
     /// Pose of the body in the world, metres and radians.
     pub pose: Se2,
@@ -24,7 +25,7 @@ impl PoseEstimate {
 }
 
 /// The use that was made of a keypoint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum KeypointFate {
     /// It was matched to a landmark of the map and used.
     Matched,
@@ -37,7 +38,7 @@ pub enum KeypointFate {
 }
 
 /// One keypoint of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct KeypointReport {
     /// The use that was made of it.
     pub fate: KeypointFate,
@@ -51,7 +52,7 @@ pub struct KeypointReport {
 }
 
 /// Whether the system knows where it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Tracking {
     /// The landmarks of the map are followed, or there is nothing to follow yet.
     #[default]
@@ -75,7 +76,7 @@ impl Tracking {
 }
 
 /// The outcome of one frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameReport {
     /// Filtered body pose: the weighted mean of the particles.
     pub estimate: PoseEstimate,

@@ -1,9 +1,10 @@
 //! How far an error of the focal length has swung the path.
 
 use nalgebra::{Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The effect of a relative error of all angles on the pose: the angle turned so far, and its swing of the path.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Turned {
     angle: f64,
     swing: Vector2<f64>,

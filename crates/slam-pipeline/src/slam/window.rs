@@ -1,12 +1,14 @@
 //! The window of keyframes whose path may still be drawn again.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use crate::filter::segment::WindowStep;
 
 /// The keyframes since the older state of the particles.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Window {
+    #[serde(with = "crate::stored::arcs")]
     pub(super) steps: Vec<Arc<WindowStep>>,
     /// Number of steps from the older state to the newer one; zero without a newer one.
     pub(super) middle: usize,

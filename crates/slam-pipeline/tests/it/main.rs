@@ -12,3 +12,4 @@ mod old_places;
 mod refused_frames;
 mod row_rate;
 mod sightings;
+mod stored_state;

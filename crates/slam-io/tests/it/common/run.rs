@@ -1,12 +1,14 @@
 //! A small run with every kind of value in it.
 
-use mono_geometry::Se2;
+use mono_geometry::{Camera, Distortion, Pinhole, Se2, Se3};
 use nalgebra::{Matrix3, Vector3};
 use slam_io::{
     DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
     TrackRow,
 };
-use slam_pipeline::{FrameReport, KeypointFate, MapLandmark, PoseEstimate};
+use slam_pipeline::{
+    FrameReport, KeypointFate, KnownKeyframe, KnownLandmark, KnownMap, MapLandmark, PoseEstimate,
+};
 
 /// Frames of [`small_run`].
 pub(crate) const FRAMES: usize = 12;
@@ -123,6 +125,7 @@ pub(crate) fn small_run() -> RunRecord {
             })
             .to_vec(),
         landmarks,
+        known_map: Some(known_map()),
         dead_reckoning: (0..FRAMES)
             .map(|index| {
                 let exact = truth(index);
@@ -164,5 +167,39 @@ pub(crate) fn small_run() -> RunRecord {
         particles: 50,
         method: "novel".into(),
         wall_s: 1.5,
+    }
+}
+
+/// Two keyframes and a landmark.
+fn known_map() -> KnownMap {
+    let pinhole = Pinhole {
+        width: 16,
+        height: 8,
+        fx: 9.0,
+        fy: 9.0,
+        cx: 7.5,
+        cy: 3.5,
+    };
+    let keyframe = |x: f64| KnownKeyframe {
+        world_from_camera: Se3 {
+            translation: Vector3::new(x, 0.0, 0.3),
+            ..Se3::identity()
+        },
+        body: Se2::new(x, 0.0, 0.0),
+        covariance: Matrix3::identity() * x,
+    };
+    KnownMap {
+        camera: Camera::new(pinhole, Distortion::None).unwrap(),
+        keyframes: vec![keyframe(0.0), keyframe(1.0 / 3.0)],
+        landmarks: vec![KnownLandmark {
+            id: 3,
+            anchor: 1,
+            parameters: Vector3::new(0.1, 0.2, 0.5),
+            covariance: Matrix3::identity() * 1e-5,
+            descriptor: [9; 128],
+            observations: 3,
+            existence: 4.5,
+            last_direction: Vector3::x(),
+        }],
     }
 }
