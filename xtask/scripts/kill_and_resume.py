@@ -30,7 +30,7 @@ TIMELESS = [
     "odometry.csv",
 ]
 # Figures of wall time in summary.json.
-TIMED = ("wall_s", "_ms", "hz")
+TIMED = ("wall_s", "_ms", "frames_per_s")
 
 
 def frames(folder):

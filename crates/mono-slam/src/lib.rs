@@ -25,6 +25,7 @@
 
 pub mod calibrate;
 mod detection;
+pub mod map_camera;
 pub mod pairs;
 pub mod recorded;
 pub mod refine;

@@ -13,7 +13,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use commands::{
-    batch, calibrate, camera, compare, config, eval, features, info, match_images, report, run,
+    batch, calibrate, camera, compare, config, eval, features, info, localize, match_images,
+    report, run,
 };
 
 /// Monocular landmark SLAM for wheeled robots.
@@ -28,6 +29,8 @@ struct Cli {
 enum Command {
     /// Run SLAM on a sequence folder
     Run(run::Arguments),
+    /// Find a robot in the map of an earlier run, which stays as it is
+    Localize(localize::Arguments),
     /// Tell what lies in a sequence and what a run of it still needs
     Info(info::Arguments),
     /// Solve the whole drive of a finished run at once: the limit of its filter, and constants of the robot
@@ -53,6 +56,7 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = match arguments().command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Localize(arguments) => localize::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Batch(arguments) => batch::run(&arguments),
         Command::Features(arguments) => features::run(&arguments),

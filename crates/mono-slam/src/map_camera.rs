@@ -75,12 +75,9 @@ pub fn of_map(map: &Camera, camera: &Camera) -> Option<Warning> {
 
 /// Pixels over the whole image, its border included.
 fn grid(width: usize, height: usize) -> impl Iterator<Item = Vector2<f64>> {
-    let place = |index: usize, side: usize| {
-        (side as f64 - 1.0) * index as f64 / (GRID - 1) as f64
-    };
-    (0..GRID * GRID).map(move |index| {
-        Vector2::new(place(index % GRID, width), place(index / GRID, height))
-    })
+    let place = |index: usize, side: usize| (side as f64 - 1.0) * index as f64 / (GRID - 1) as f64;
+    (0..GRID * GRID)
+        .map(move |index| Vector2::new(place(index % GRID, width), place(index / GRID, height)))
 }
 
 #[cfg(test)]
@@ -117,14 +114,21 @@ mod tests {
         assert_eq!(longer.name, "map-camera-differs");
         // One per cent of the largest distance from the axis, 160 px.
         assert!(
-            longer.message.contains("the same rays are up to 1.60 px apart (fx 300 then, fx 303 now)"),
+            longer
+                .message
+                .contains("the same rays are up to 1.60 px apart (fx 300 then, fx 303 now)"),
             "{longer}"
         );
         let bent = of(300.0, 320, -0.12).expect("another lens");
-        assert!(bent.message.contains("(k1 -0.1 then, k1 -0.12 now)"), "{bent}");
+        assert!(
+            bent.message.contains("(k1 -0.1 then, k1 -0.12 now)"),
+            "{bent}"
+        );
         let larger = of(300.0, 640, -0.1).expect("another sensor");
         assert!(
-            larger.message.contains("its images had 320 x 240 pixels, these have 640 x 240;"),
+            larger
+                .message
+                .contains("its images had 320 x 240 pixels, these have 640 x 240;"),
             "{larger}"
         );
     }

@@ -9,14 +9,15 @@ use slam_io::{
 };
 use slam_pipeline::config::ValidConfig;
 use slam_pipeline::{
-    FrameInput, FrameReport, KeypointReport, Rig, Slam, SlamError, Tracking, detector_of,
+    FrameInput, FrameReport, KeypointReport, KnownMap, MapUse, Rig, Slam, SlamError, Tracking,
+    detector_of,
 };
 use vision_sift::Features;
 
 use crate::detection::{Detected, FrameDetector};
 pub use crate::run_error::RunError;
 use crate::run_state::Collected;
-use crate::smooth::{odometry_before, smoothed, track_rows};
+use crate::smooth::{not_smoothed, odometry_before, smoothed, track_rows};
 use crate::stopwatch::{Clock, Lap, StageClock};
 use crate::warnings;
 use crate::without_odometry::{self, expected};
@@ -99,6 +100,28 @@ impl<'a> Run<'a> {
         let rig = rig_of(sequence)?;
         let slam = Slam::new(rig, &config)?;
         let collected = Collected::new(sequence.images.len());
+        Self::with(sequence, config, clock, rig, slam, collected)
+    }
+
+    /// A run at its first frame that begins in a map: its world is that of the map, and where the robot is in it, the
+    /// images must tell.
+    ///
+    /// # Errors
+    /// As [`Self::begin`], and [`RunError::Slam`] for a map that contradicts itself.
+    pub fn begin_in(
+        sequence: &'a Sequence,
+        config: &ValidConfig,
+        clock: &'a Clock<'a>,
+        map: &KnownMap,
+        usage: MapUse,
+    ) -> Result<Self, RunError> {
+        let config = sequence.camera.considered_in(config).check()?;
+        let rig = rig_of(sequence)?;
+        let slam = Slam::with_map(rig, &config, map, usage)?;
+        let collected = Collected {
+            in_map: true,
+            ..Collected::new(sequence.images.len())
+        };
         Self::with(sequence, config, clock, rig, slam, collected)
     }
 
@@ -274,17 +297,16 @@ impl<'a> Run<'a> {
             ..
         } = self;
         pool.install(|| {
+            let best = slam.smoothed_path();
             let found_again = collected
                 .frames
                 .iter()
                 .any(|f| f.report.tracking == Tracking::Relocalised);
-            let (path, smoother) = smoothed(
-                &collected.recording,
-                rig,
-                &config,
-                slam.smoothed_path(),
-                found_again,
-            );
+            let (path, smoother) = if collected.in_map {
+                (best, not_smoothed())
+            } else {
+                smoothed(&collected.recording, rig, &config, best, found_again)
+            };
             let mut warnings = sequence.warnings.clone();
             warnings.extend(warnings::of_reference(sequence));
             let samples: Vec<OdometrySample> =
@@ -310,7 +332,7 @@ impl<'a> Run<'a> {
                 tracks: track_rows(&collected.recording),
                 frames: collected.frames,
                 landmarks: slam.landmarks(),
-                known_map: None,
+                known_map: Some(slam.known_map()),
                 dead_reckoning: collected.dead_reckoning,
                 reference: sequence.reference.clone(),
                 snapshots: collected.snapshots,

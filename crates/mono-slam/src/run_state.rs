@@ -27,6 +27,8 @@ pub(crate) struct Collected {
     pub(crate) wheels: Se2,
     /// The same at every frame.
     pub(crate) dead_reckoning: Vec<Se2>,
+    /// Whether the run began in a map.
+    pub(crate) in_map: bool,
     /// Wall time so far, seconds.
     pub(crate) wall_s: f64,
 }
@@ -42,6 +44,7 @@ impl Collected {
             predictions: Vec::new(),
             wheels: Se2::identity(),
             dead_reckoning: Vec::with_capacity(frames),
+            in_map: false,
             wall_s: 0.0,
         }
     }

@@ -30,6 +30,19 @@ pub(crate) fn odometry_before(sequence: &Sequence, index: usize) -> Vec<Odometry
         .collect()
 }
 
+/// The record of a run that began in a map: a batch over its own sightings alone would leave the frame of the map.
+pub(crate) fn not_smoothed() -> SmootherRecord {
+    SmootherRecord {
+        method: BEST_PARTICLE.to_owned(),
+        note: Some(
+            "a run that begins in a map is not smoothed: its world is that of the map".to_owned(),
+        ),
+        iterations: 0,
+        sightings: 0,
+        constants: Vec::new(),
+    }
+}
+
 /// The smoothed path, one pose a frame, and where it comes from.
 ///
 /// A run whose robot was `found_again` by the looks of a place is not smoothed by the batch, which trusts odometry throughout.

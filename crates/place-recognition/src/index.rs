@@ -49,6 +49,7 @@ pub struct Candidate {
 /// Search is exact below 4000 landmarks and approximate beyond (see [`feature_kdtree::AutoIndex`]). Deterministic: the
 /// answers are a function of the sequence of changes. A clone copies all descriptors.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlaceIndex {
     index: AutoIndex,
 }

@@ -57,7 +57,7 @@ pub use figures::{PathFigures, RunFigures, run_figures, uncertainty_m};
 pub use images::{GreyImage, Images, image_files, read_grey};
 pub use output::{
     Checkpoint, OutputError, RunIdentity, check_output_file, check_output_folder, covariance_csv,
-    read_checkpoint, read_known_map, read_map, read_run, remove_checkpoint, tum_text,
+    map_checksum, read_checkpoint, read_known_map, read_map, read_run, remove_checkpoint, tum_text,
     write_checkpoint, write_file, write_files, write_map, write_run,
 };
 pub use record::{

@@ -40,7 +40,7 @@ pub use checkpoint::{
     Checkpoint, RunIdentity, read_checkpoint, remove_checkpoint, write_checkpoint,
 };
 pub use error::OutputError;
-pub use map_file::{read_known_map, read_map, write_map};
+pub use map_file::{map_checksum, read_known_map, read_map, write_map};
 pub use tables::{covariance_csv, tum as tum_text};
 pub use target::{check_output_file, check_output_folder};
 

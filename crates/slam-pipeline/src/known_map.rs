@@ -5,6 +5,7 @@
 
 use mono_geometry::{Camera, Se2, Se3};
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A keyframe of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +66,7 @@ pub struct KnownMap {
 }
 
 /// The use that a run makes of a map it begins with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MapUse {
     /// New landmarks are added and old ones refined and forgotten.
     Extend,

@@ -12,6 +12,8 @@ mod eval_text;
 pub(crate) mod features;
 pub(crate) mod info;
 mod interrupt;
+pub(crate) mod localize;
+mod map_file;
 pub(crate) mod match_images;
 pub(crate) mod report;
 mod reporter;

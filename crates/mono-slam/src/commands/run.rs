@@ -10,12 +10,14 @@ use slam_io::{
     configuration, odometry_csv, write_run,
 };
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
+use slam_pipeline::{MapUse, Tracking};
 use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use super::checkpoints::{CheckpointOptions, Checkpoints};
 use super::configuration::read_configuration;
 use super::interrupt::Interrupt;
+use super::map_file::MapFile;
 use super::reporter::Reporter;
 use super::sequence_options::SequenceOptions;
 use super::stand_in::StandIn;
@@ -25,6 +27,16 @@ use crate::failure::{Failure, remark, tell};
 /// Arguments of `mono-slam run`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
+    /// Map of an earlier run, to begin in and to extend; the world is that of the map
+    #[arg(long, value_name = "map.slam")]
+    map: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunOptions,
+}
+
+/// Arguments of every command that runs the filter.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RunOptions {
     /// Sequence: a folder with images/, times.txt, camera.toml and odometry.csv, one of EuRoC, TUM RGB-D or KITTI,
     /// or a recorded log (.bag, .mcap, .db3)
     #[arg(value_name = "SEQ")]
@@ -95,9 +107,18 @@ enum End {
 
 /// Runs and writes the results.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let map = arguments.map.as_deref();
+    drive(&arguments.run, map.map(|path| (path, MapUse::Extend)))
+}
+
+/// Runs in a map or in none, and writes the results.
+pub(crate) fn drive(arguments: &RunOptions, map: Option<(&Path, MapUse)>) -> Result<(), Failure> {
     let config = settings(arguments)?;
     checked(config.clone())?;
     check_output_folder(&arguments.out)?;
+    let map = map
+        .map(|(path, usage)| MapFile::read(path, usage))
+        .transpose()?;
     let options = arguments.stand_in.options(arguments.options.open_options());
     let sequence = Sequence::open_with(&arguments.sequence, &options)?;
     let config = if sequence.odometry_source == OdometrySource::None {
@@ -120,18 +141,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let checkpoints = Checkpoints::of(
         &arguments.checkpoint,
         &arguments.out,
-        RunIdentity::of(&sequence, &without_threads(&config), None),
+        RunIdentity::of(
+            &sequence,
+            &without_threads(&config),
+            map.as_ref().map(MapFile::identity),
+        ),
     )?;
     let started = Instant::now();
     let clock = move || started.elapsed().as_secs_f64();
-    let mut run = match checkpoints.stored()? {
-        Some(state) => Run::resume(&sequence, &config, &clock, &state)
+    let mut run = match (checkpoints.stored()?, &map) {
+        (Some(state), _) => Run::resume(&sequence, &config, &clock, &state)
             .map_err(|error| checkpoints.refused(&error))?,
-        None => Run::begin(&sequence, &config, &clock)?,
+        (None, None) => Run::begin(&sequence, &config, &clock)?,
+        (None, Some(map)) => Run::begin_in(&sequence, &config, &clock, &map.known, map.usage)?,
     };
+    let of_map = map
+        .as_ref()
+        .map_or_else(Vec::new, |map| map.warnings(&sequence));
     // What the files tell is told before the run, what the images tell after it; all of it even when quiet: a run whose
     // inputs do not fit must not end without a word.
-    let before: Vec<&Warning> = sequence.warnings.iter().chain(&reference).collect();
+    let before: Vec<&Warning> = sequence
+        .warnings
+        .iter()
+        .chain(&reference)
+        .chain(&of_map)
+        .collect();
     for warning in &before {
         warn(warning);
     }
@@ -155,7 +189,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     reporter.finish();
     match end {
         End::Done => {
-            let record = run.finish();
+            let mut record = run.finish();
+            record.warnings.extend(of_map.iter().cloned());
             write_results(&record, &sequence, &arguments.out)?;
             checkpoints.remove()?;
             for warning in record.warnings.iter().filter(|w| !before.contains(w)) {
@@ -163,7 +198,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
             let ate = ate_m(&record)?;
             if !arguments.quiet {
-                tell(&summary(&record, ate, &arguments.out.display().to_string()));
+                tell(&summary(
+                    &record,
+                    ate,
+                    map.is_some(),
+                    &arguments.out.display().to_string(),
+                ));
             }
             match ate {
                 Some(ate) => check_ate(ate, arguments.max_ate),
@@ -237,7 +277,7 @@ fn without_threads(config: &Config) -> String {
     configuration::to_toml(&config)
 }
 
-fn settings(arguments: &Arguments) -> Result<Config, Failure> {
+fn settings(arguments: &RunOptions) -> Result<Config, Failure> {
     let mut config = match &arguments.config {
         None => Config::for_robot(match arguments.robot {
             Some(RobotName::TableTop) => Robot::TableTop,
@@ -299,17 +339,27 @@ fn ate_m(record: &RunRecord) -> Result<Option<f64>, Failure> {
     }
 }
 
-fn summary(record: &RunRecord, ate_m: Option<f64>, out: &str) -> String {
+fn summary(record: &RunRecord, ate_m: Option<f64>, in_map: bool, out: &str) -> String {
     let frames = record.frames.len();
     let error = ate_m.map_or_else(String::new, |e| {
         let alignment = match record.scale {
+            RunScale::Metric if in_map => "no alignment, in the world of the map",
             RunScale::Metric => "no alignment",
             RunScale::Arbitrary => "after alignment with scale",
         };
         format!(", position error {:.1} mm RMSE ({alignment})", e * 1e3)
     });
+    let lost = record
+        .frames
+        .iter()
+        .filter(|frame| frame.report.tracking == Tracking::Lost)
+        .count();
+    let lost = match lost {
+        0 => String::new(),
+        lost => format!(", {lost} of them lost"),
+    };
     format!(
-        "{frames} frames in {:.1} s ({:.1} Hz), {} landmarks{error}; results in {out}",
+        "{frames} frames in {:.1} s ({:.1} Hz){lost}, {} landmarks{error}; results in {out}",
         record.wall_s,
         frames as f64 / record.wall_s.max(1e-9),
         record.landmarks.len(),

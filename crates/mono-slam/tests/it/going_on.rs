@@ -21,7 +21,7 @@ const TIMELESS: [&str; 6] = [
     "tracks.csv",
 ];
 
-fn wall() -> PathBuf {
+pub(crate) fn wall() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/wall")
 }
 
@@ -31,7 +31,7 @@ fn few_particles() -> ValidConfig {
     config.check().unwrap()
 }
 
-fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
@@ -50,7 +50,7 @@ fn timeless_frames(folder: &Path) -> Vec<Vec<String>> {
     table.lines().map(kept).collect()
 }
 
-fn assert_same_results(one: &Path, other: &Path) {
+pub(crate) fn assert_same_results(one: &Path, other: &Path) {
     for name in TIMELESS {
         let read = |folder: &Path| fs::read(folder.join(name)).unwrap();
         assert!(read(one) == read(other), "{name} differs");
@@ -59,14 +59,14 @@ fn assert_same_results(one: &Path, other: &Path) {
 }
 
 /// The command with its usual settings, and more.
-fn run_command(sequence: &Path, out: &Path, more: &[&str]) -> std::process::Output {
+pub(crate) fn run_command(sequence: &Path, out: &Path, more: &[&str]) -> std::process::Output {
     let mut arguments = vec!["run", text(sequence), "--out", text(out)];
     arguments.extend(["--particles", "8", "--quiet"]);
     arguments.extend(more);
     mono_slam(&arguments)
 }
 
-fn checkpoint_of(out: &Path) -> PathBuf {
+pub(crate) fn checkpoint_of(out: &Path) -> PathBuf {
     PathBuf::from(format!("{}.checkpoint", out.display()))
 }
 

@@ -15,6 +15,7 @@ mod edges;
 mod fixtures;
 mod going_on;
 mod info_command;
+mod map_commands;
 mod recorded_board;
 mod recorded_logs;
 mod refinement;

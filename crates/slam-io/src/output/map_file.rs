@@ -13,8 +13,8 @@
 //! | 4 | CRC-32 (IEEE 802.3) of everything before it, `u32` |
 //!
 //! A newer minor version only adds sections, and a reader passes over those it does not know. `LAND` holds the landmarks as
-//! points in the world, for viewers and for the report. `CAME`, `KEYF` and `ANCH` hold what localisation needs; a map has
-//! all three of them or none. `docs/formats/map.md` lists the bytes of each.
+//! points in the world, for viewers and for the report. `CAME`, `KEYF`, `ERRS` and `ANCH` hold what localisation
+//! needs; a map has all of them or none. `docs/formats/map.md` lists the bytes of each.
 //!
 //! Version 1 had the landmarks alone. They are still read, while a run cannot begin in such a map.
 
@@ -48,6 +48,7 @@ const LANDMARKS: [u8; 4] = *b"LAND";
 const CAMERA: [u8; 4] = *b"CAME";
 const KEYFRAMES: [u8; 4] = *b"KEYF";
 const ANCHORED: [u8; 4] = *b"ANCH";
+const ERRORS: [u8; 4] = *b"ERRS";
 
 /// Contents of a map file.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,12 +95,19 @@ pub fn write_map(
     )?])
 }
 
+/// A number that tells maps apart: CRC-32 of their bytes.
+#[must_use]
+pub fn map_checksum(known: &KnownMap) -> u32 {
+    crc32fast::hash(&encode_map(&[], Some(known)))
+}
+
 /// The bytes of a map file.
 pub(super) fn encode_map(landmarks: &[MapLandmark], known: Option<&KnownMap>) -> Vec<u8> {
     let mut parts = vec![(LANDMARKS, sections::landmarks(landmarks, known))];
     if let Some(known) = known {
         parts.push((CAMERA, sections::camera(&known.camera)));
         parts.push((KEYFRAMES, sections::keyframes(&known.keyframes)));
+        parts.push((ERRORS, sections::errors(&known.errors)));
         parts.push((ANCHORED, sections::anchored(&known.landmarks)));
     }
     encode_sections(MAJOR, MINOR, &parts)
@@ -215,23 +223,26 @@ fn whole(sections: &[([u8; 4], &[u8])]) -> Result<MapFile, Fault> {
         let found = sections.iter().find(|(known, _)| *known == name);
         found.map(|(_, contents)| Bytes::new(contents))
     };
-    let known = match (find(CAMERA), find(KEYFRAMES), find(ANCHORED)) {
-        (None, None, None) => None,
-        (Some(mut camera), Some(mut keyframes), Some(mut anchored)) => {
+    let known = match (find(CAMERA), find(KEYFRAMES), find(ERRORS), find(ANCHORED)) {
+        (None, None, None, None) => None,
+        (Some(mut camera), Some(mut keyframes), Some(mut errors), Some(mut anchored)) => {
             let map = KnownMap {
                 camera: sections::read_camera(&mut camera)?,
                 keyframes: sections::read_keyframes(&mut keyframes)?,
+                errors: sections::read_errors(&mut errors)?,
                 landmarks: sections::read_anchored(&mut anchored)?,
             };
             camera.end("the camera")?;
             keyframes.end("keyframes")?;
+            errors.end("the errors of keyframes")?;
             anchored.end("anchored landmarks")?;
             checks::anchors_in_range(&map)?;
+            checks::errors(&map)?;
             Some(map)
         }
         _ => {
             return Err(Fault::new(
-                "sections CAME, KEYF and ANCH together",
+                "sections CAME, KEYF, ERRS and ANCH together",
                 "some of them alone",
             ));
         }

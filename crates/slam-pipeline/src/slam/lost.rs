@@ -1,9 +1,11 @@
 //! The state of a robot that sees nothing of the map where it is expected; [`super::recovery`] says what is made of it.
 
+use serde::{Deserialize, Serialize};
+
 use super::report::PoseEstimate;
 
 /// The knowledge of a robot while nothing of the map is seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Lost {
     /// Whether something else than the map was seen, so that odometry cannot be trusted; else the frames were blind.
     pub(super) elsewhere: bool,

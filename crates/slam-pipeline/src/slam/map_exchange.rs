@@ -104,12 +104,10 @@ impl Slam {
             })
             .collect();
         let last = map.keyframes[map.keyframes.len() - 1];
+        slam.make_use(usage);
         let scale_sigma = match usage {
             MapUse::Extend => EXTENDED_SCALE_SIGMA.min(slam.carrier.scale_sigma),
-            MapUse::Localise => {
-                slam.carrier.scale_drift = 0.0;
-                0.0
-            }
+            MapUse::Localise => 0.0,
         };
         for particle in slam.state.filter.particles_mut() {
             particle.metric = particle.metric.with_scale_of_map(scale_sigma);
@@ -131,9 +129,16 @@ impl Slam {
             .collect();
         slam.state.drift = Drift::of_map(&positions, &map.errors);
         slam.state.keyframe = map.keyframes.len() as u32;
-        slam.usage = usage;
         slam.state.begin_lost(map);
         Ok(slam)
+    }
+
+    /// The use that is made of the map from now on; one that only localises takes the metre of the map.
+    pub(super) fn make_use(&mut self, usage: MapUse) {
+        self.usage = usage;
+        if usage == MapUse::Localise {
+            self.carrier.scale_drift = 0.0;
+        }
     }
 }
 

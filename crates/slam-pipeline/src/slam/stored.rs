@@ -11,6 +11,7 @@ use mono_geometry::Se2;
 
 use super::{Slam, SlamError, State};
 use crate::config::ValidConfig;
+use crate::known_map::MapUse;
 use crate::rig::Rig;
 
 impl Slam {
@@ -25,7 +26,8 @@ impl Slam {
                     .to_owned(),
             ));
         }
-        postcard::to_allocvec(&self.state).map_err(|e| SlamError::State(e.to_string()))
+        postcard::to_allocvec(&(self.usage, &self.state))
+            .map_err(|e| SlamError::State(e.to_string()))
     }
 
     /// The system that [`Self::save_state`] stored, for the same rig and configuration: the frames after it give the
@@ -40,13 +42,14 @@ impl Slam {
                 "the method paper has no stored states".to_owned(),
             ));
         }
-        let (state, rest) = postcard::take_from_bytes::<State>(bytes)
+        let ((usage, state), rest) = postcard::take_from_bytes::<(MapUse, State)>(bytes)
             .map_err(|e| SlamError::State(format!("no state of this version: {e}")))?;
         if !rest.is_empty() {
             return Err(SlamError::State(format!("{} bytes too many", rest.len())));
         }
         check(&state, &slam.state).map_err(|rule| SlamError::State(rule.to_owned()))?;
         slam.state = state;
+        slam.make_use(usage);
         Ok(slam)
     }
 

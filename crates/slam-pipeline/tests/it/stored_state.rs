@@ -1,7 +1,7 @@
 //! A system that was stored and restored goes on with the same bits, and bytes that are no state are refused.
 
 use slam_pipeline::config::{Config, Method};
-use slam_pipeline::{FrameReport, Slam};
+use slam_pipeline::{FrameReport, MapUse, Slam};
 
 use crate::drive::{Drive, FRAMES, config, rig};
 
@@ -117,4 +117,27 @@ fn the_method_paper_says_that_it_is_not_stored() {
         slam.save_state().unwrap_err().to_string(),
         "state of the filter: the method paper searches a k-d forest, which is not stored; exact and conventional have none"
     );
+}
+
+/// A robot that woke up in a map, while it is lost and after it was found: the use of the map is stored with the state.
+#[test]
+fn a_system_in_a_map_is_restored_with_its_use_of_the_map() {
+    let drive = Drive::new(11);
+    let map = after(&drive, 20).known_map();
+    for usage in [MapUse::Extend, MapUse::Localise] {
+        for frames in [0, 1, 6] {
+            let mut slam = Slam::with_map(rig(), &config(12, 3), &map, usage).unwrap();
+            for i in 0..frames {
+                slam.step(&drive.input(i), &mut |_| {}).unwrap();
+            }
+            let bytes = slam.save_state().unwrap();
+            let restored = Slam::restore_state(rig(), &config(12, 3), &bytes).unwrap();
+            assert!(restored.save_state().unwrap() == bytes, "{usage:?}");
+            let text = |slam: Slam| {
+                let map = format!("{:?}", slam.known_map());
+                format!("{:?} {map}", rest(slam, &drive, frames))
+            };
+            assert!(text(restored) == text(slam), "{usage:?} after {frames}");
+        }
+    }
 }

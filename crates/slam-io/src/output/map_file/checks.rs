@@ -1,12 +1,16 @@
 //! Whether the numbers of a map can be those of a map.
 
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, Matrix3};
 use slam_pipeline::KnownMap;
 
 use super::bytes::Fault;
 
+/// Keyframes whose errors are known together, at most: a factor of their covariance is computed.
+const MOST_ERRORS: usize = 256;
 /// Negative eigenvalue of a correlation matrix that rounding explains, and rounding of a rotation.
 const ROUNDING: f64 = 1e-9;
+/// The same of the errors of many keyframes together, which long sums of products give.
+const JOINT_ROUNDING: f64 = 1e-6;
 
 /// Refuses a covariance that is not symmetric or has a negative variance in some direction; `what` names its owner.
 ///
@@ -59,6 +63,48 @@ pub(super) fn ascending(before: Option<u32>, id: u32) -> Result<(), Fault> {
             format!("{id} after {before}"),
         )),
         _ => Ok(()),
+    }
+}
+
+/// Refuses errors of keyframes that are not there, or whose joint covariance has a negative variance in some direction.
+pub(super) fn errors(map: &KnownMap) -> Result<(), Fault> {
+    let (listed, keyframes) = (&map.errors.keyframes, map.keyframes.len());
+    let ascending = listed.windows(2).all(|pair| pair[0] < pair[1]);
+    let within = listed
+        .last()
+        .is_none_or(|last| (*last as usize) < keyframes);
+    if !ascending || !within || listed.len() > MOST_ERRORS {
+        return Err(Fault::new(
+            format!("errors of at most {MOST_ERRORS} of {keyframes} keyframes in their order"),
+            format!("{} that are not", listed.len()),
+        ));
+    }
+    for (row, keyframe) in map.errors.rows.iter().zip(listed) {
+        if let Some(own) = row.last() {
+            covariance(own, &format!("the error of keyframe {keyframe}"))?;
+        }
+    }
+    let size = 3 * listed.len();
+    let at = |i: usize, j: usize| map.errors.rows[i / 3][j / 3][(i % 3, j % 3)];
+    let scale = |i: usize| {
+        let variance = at(i, i);
+        if variance > 0.0 {
+            variance.sqrt().recip()
+        } else {
+            1.0
+        }
+    };
+    let joint = DMatrix::from_fn(size, size, |i, j| {
+        let (row, column) = (i.max(j), i.min(j));
+        let same = f64::from(u8::from(i == j));
+        at(row, column) * scale(i) * scale(j) + JOINT_ROUNDING * same
+    });
+    match joint.cholesky() {
+        Some(_) => Ok(()),
+        None => Err(Fault::new(
+            "a positive semi-definite covariance of the errors of the keyframes",
+            "one with a negative variance",
+        )),
     }
 }
 

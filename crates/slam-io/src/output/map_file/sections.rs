@@ -2,7 +2,7 @@
 
 use mono_geometry::{Camera, Distortion, Pinhole, Se2, Se3};
 use nalgebra::Rotation3;
-use slam_pipeline::{KnownKeyframe, KnownLandmark, KnownMap, MapLandmark};
+use slam_pipeline::{KnownErrors, KnownKeyframe, KnownLandmark, KnownMap, MapLandmark};
 
 use super::bytes::{Bytes, Fault, put_f64, put_matrix, put_u32};
 use super::checks;
@@ -213,6 +213,41 @@ pub(super) fn read_keyframes(rest: &mut Bytes<'_>) -> Result<Vec<KnownKeyframe>,
         });
     }
     Ok(keyframes)
+}
+
+/// The joint covariance of the errors of some keyframes.
+pub(super) fn errors(errors: &KnownErrors) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    put_u32(&mut bytes, errors.keyframes.len() as u32);
+    for keyframe in &errors.keyframes {
+        put_u32(&mut bytes, *keyframe);
+    }
+    for block in errors.rows.iter().flatten() {
+        put_matrix(&mut bytes, block);
+    }
+    bytes
+}
+
+/// The errors of keyframes.
+pub(super) fn read_errors(rest: &mut Bytes<'_>) -> Result<KnownErrors, Fault> {
+    let count = rest.count("keyframes with errors", 4)?;
+    let keyframes = (0..count)
+        .map(|_| rest.u32())
+        .collect::<Result<Vec<_>, _>>()?;
+    let blocks = count * (count + 1) / 2;
+    if rest.left() / 72 < blocks {
+        return Err(Fault::new(
+            format!("{blocks} covariances of the errors of {count} keyframes"),
+            format!("{} bytes left for them", rest.left()),
+        ));
+    }
+    let rows = (0..count)
+        .map(|row| {
+            let name = format!("the error of keyframe {}", keyframes[row]);
+            (0..=row).map(|_| rest.matrix(&name)).collect()
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(KnownErrors { keyframes, rows })
 }
 
 /// Landmarks in the cameras of their anchors.

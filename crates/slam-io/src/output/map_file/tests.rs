@@ -2,7 +2,7 @@
 
 use mono_geometry::{Camera, Distortion, Pinhole, Se2, Se3};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use slam_pipeline::{KnownKeyframe, KnownLandmark};
+use slam_pipeline::{KnownErrors, KnownKeyframe, KnownLandmark};
 
 use super::*;
 
@@ -48,6 +48,11 @@ fn known(distortion: Distortion) -> KnownMap {
                 }
             })
             .collect(),
+        // The first keyframe has no error, the third has that of the second and one of its own.
+        errors: KnownErrors {
+            keyframes: vec![0, 2],
+            rows: vec![vec![Matrix3::zeros()], vec![Matrix3::zeros(), spread]],
+        },
         landmarks: [0, 6, 12, 40]
             .map(|id| KnownLandmark {
                 id,
@@ -142,7 +147,7 @@ fn the_map_reads_back_bit_for_bit_with_every_lens() {
 fn the_bytes_are_where_the_table_says() {
     let map = known(radtan());
     let bytes = encode_map(&landmarks(), Some(&map));
-    assert_eq!(&bytes[..16], b"MONOSLAM\x02\0\0\0\x04\0\0\0");
+    assert_eq!(&bytes[..16], b"MONOSLAM\x02\0\0\0\x05\0\0\0");
     assert_eq!(&bytes[16..20], b"LAND");
     // 5 landmarks of 105 bytes; those of ids 0, 6 and 12 have their descriptors in ANCH.
     assert_eq!(bytes[20..28], (4 + 5 * 105_u64).to_le_bytes());
@@ -162,7 +167,14 @@ fn the_bytes_are_where_the_table_says() {
     assert_eq!(keyframes[4..12], (4 + 3 * 192_u64).to_le_bytes());
     let rotation = map.keyframes[0].world_from_camera.rotation;
     assert_eq!(keyframes[24..32], rotation[(0, 1)].to_le_bytes());
-    let anchored = &keyframes[12 + 4 + 3 * 192..];
+    let errors = &keyframes[12 + 4 + 3 * 192..];
+    assert_eq!(&errors[..4], b"ERRS");
+    assert_eq!(errors[4..12], (4 + 2 * 4 + 3 * 72_u64).to_le_bytes());
+    assert_eq!(errors[20..24], 2_u32.to_le_bytes());
+    // The last of the three blocks, its second number.
+    let block = &errors[24 + 2 * 72..];
+    assert_eq!(block[8..16], 1e-5_f64.to_le_bytes());
+    let anchored = &errors[12 + 4 + 2 * 4 + 3 * 72..];
     assert_eq!(&anchored[..4], b"ANCH");
     assert_eq!(anchored[4..12], (4 + 4 * 268_u64).to_le_bytes());
     assert_eq!(anchored.len(), 12 + 4 + 4 * 268 + 4);
@@ -212,6 +224,7 @@ fn unknown_sections_are_passed_over_and_a_newer_major_version_is_refused() {
             (LANDMARKS, sections::landmarks(&landmarks(), Some(&known))),
             (CAMERA, sections::camera(&known.camera)),
             (ANCHORED, sections::anchored(&known.landmarks)),
+            (ERRORS, sections::errors(&known.errors)),
             (KEYFRAMES, sections::keyframes(&known.keyframes)),
         ];
         parts.extend_from_slice(extra);
@@ -230,7 +243,7 @@ fn unknown_sections_are_passed_over_and_a_newer_major_version_is_refused() {
     );
     assert_eq!(
         message(&encode_sections(2, 0, &parts(&[])[..3])),
-        "map.slam: expected sections CAME, KEYF and ANCH together, found some of them alone"
+        "map.slam: expected sections CAME, KEYF, ERRS and ANCH together, found some of them alone"
     );
     assert_eq!(
         message(&encode_sections(2, 0, &parts(&[])[..1])),
@@ -353,6 +366,17 @@ fn impossible_numbers_of_a_map_are_refused() {
     assert!(
         sheared.contains("expected a rotation of keyframe 0, found a matrix that misses one by"),
         "{sheared}"
+    );
+    assert_eq!(
+        refused(&[], &|map| map.errors.keyframes[1] = 3),
+        "map.slam: expected errors of at most 256 of 3 keyframes in their order, found 2 that are not"
+    );
+    // What the two errors have in common is more than either of them is.
+    assert_eq!(
+        refused(&[], &|map| map.errors.rows[1][0] =
+            Matrix3::identity() * 1e-4),
+        "map.slam: expected a positive semi-definite covariance of the errors of the keyframes, found one with a negative \
+         variance"
     );
     let mut far = landmarks();
     far[1].position.x = f64::INFINITY;

@@ -7,7 +7,8 @@ use slam_io::{
     TrackRow,
 };
 use slam_pipeline::{
-    FrameReport, KeypointFate, KnownKeyframe, KnownLandmark, KnownMap, MapLandmark, PoseEstimate,
+    FrameReport, KeypointFate, KnownErrors, KnownKeyframe, KnownLandmark, KnownMap, MapLandmark,
+    PoseEstimate,
 };
 
 /// Frames of [`small_run`].
@@ -191,6 +192,13 @@ fn known_map() -> KnownMap {
     KnownMap {
         camera: Camera::new(pinhole, Distortion::None).unwrap(),
         keyframes: vec![keyframe(0.0), keyframe(1.0 / 3.0)],
+        errors: KnownErrors {
+            keyframes: vec![0, 1],
+            rows: vec![
+                vec![Matrix3::zeros()],
+                vec![Matrix3::zeros(), Matrix3::identity() / 3.0],
+            ],
+        },
         landmarks: vec![KnownLandmark {
             id: 3,
             anchor: 1,
