@@ -359,8 +359,8 @@ mod tests {
             match postcard::from_bytes::<AutoIndex>(&damaged) {
                 Err(_) => refused += 1,
                 Ok(mut index) => {
-                    drop(index.two_nearest(&[7; 128]));
-                    drop(index.insert(7777, &[9; 128]));
+                    let _ = index.two_nearest(&[7; 128]);
+                    let _ = index.insert(7777, &[9; 128]);
                     index.remove(3);
                 }
             }

@@ -239,12 +239,9 @@ mod tests {
     #[test]
     fn maps_come_back_with_all_that_they_share() {
         let (first, second, path) = maps();
+        let empty = CowMap::new();
         let mut table = NodeTable::default();
-        let stored = [
-            table.put(&first),
-            table.put(&second),
-            table.put(&CowMap::new()),
-        ];
+        let stored = [table.put(&first), table.put(&second), table.put(&empty)];
         let stored_path = table.put_path(&path);
         let nodes = table.into_nodes();
         // 313 leaves, 20, 2 and 1 branches; two ways of a leaf and three branches are the second map's own, and
