@@ -264,7 +264,10 @@ fn wrong_input_is_named() {
     let error = run(&mut [], &PaperParams::default()).unwrap_err();
     assert_eq!(error, EvolveError::EmptyPopulation);
     let error = run(&mut [0.0], &rates(1.5, 0.0)).unwrap_err();
-    assert_eq!(error.to_string(), "p_c1 must lie between 0 and 1, given 1.5");
+    assert_eq!(
+        error.to_string(),
+        "p_c1 must lie between 0 and 1, given 1.5"
+    );
     assert!(run(&mut [0.0], &rates(0.0, f64::NAN)).is_err());
     let error = run(&mut [0.0, f64::NAN], &PaperParams::default()).unwrap_err();
     assert!(

@@ -90,7 +90,7 @@ fn a_run_that_begins_in_a_map_extends_it_and_goes_on_to_the_same_bytes() {
     assert!(after.keyframes.len() > before.keyframes.len());
     // A process that is killed cannot be told apart from one that was never started, once its checkpoint is there.
     let script = format!(
-        "trap '' XFSZ; ulimit -f 2000; exec '{}' run '{}' --out '{}' --map '{}' --particles 8 --quiet --checkpoint-every 1",
+        "trap '' XFSZ; ulimit -f 4000; exec '{}' run '{}' --out '{}' --map '{}' --particles 8 --quiet --checkpoint-every 1",
         env!("CARGO_BIN_EXE_mono-slam"),
         wall().display(),
         out.display(),
