@@ -237,42 +237,42 @@ mod tests {
                     error: 0.0,
                     ..sampling()
                 },
-                "KLD error, positive: 0 given",
+                "the KLD error must be finite and above 0, 0 given",
             ),
             (
                 KldSampling {
                     quantile: f64::NAN,
                     ..sampling()
                 },
-                "KLD quantile, at least 0: NaN given",
+                "the KLD quantile must be finite and at least 0, NaN given",
             ),
             (
                 KldSampling {
                     widths: vec![1.0, -1.0],
                     ..sampling()
                 },
-                "KLD bin width, positive: -1 given",
+                "every KLD bin width must be finite and above 0, -1 given",
             ),
             (
                 KldSampling {
                     widths: vec![],
                     ..sampling()
                 },
-                "number of KLD bin widths, at least 1: 0 given",
+                "the number of KLD bin widths must be at least 1, 0 given",
             ),
             (
                 KldSampling {
                     min_particles: 0,
                     ..sampling()
                 },
-                "fewest particles, at least 1: 0 given",
+                "the least number of particles must be at least 1, 0 given",
             ),
             (
                 KldSampling {
                     max_particles: 9,
                     ..sampling()
                 },
-                "most particles, at least the fewest: 9 given",
+                "the largest number of particles must be at least the least, 9 given",
             ),
         ] {
             assert_eq!(count(wrong, vec![0.0; 2], &mut rng).to_string(), text);
