@@ -25,7 +25,7 @@ pub(crate) enum Failure {
     Interrupted {
         /// Number of the signal.
         signal: i32,
-        /// What became of the work.
+        /// The fate of the work.
         sentence: String,
     },
     /// Anything else: exit code 1.

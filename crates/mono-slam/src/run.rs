@@ -242,7 +242,7 @@ impl<'a> Run<'a> {
             }
             collected.recording.push(&features, &report, &odometry);
             let keypoints = std::mem::take(&mut report.keypoints);
-            if index % count.div_ceil(SNAPSHOTS).max(1) == 0 {
+            if index.is_multiple_of(count.div_ceil(SNAPSHOTS).max(1)) {
                 collected.snapshots.push(FrameSnapshot {
                     index,
                     width: image.width,

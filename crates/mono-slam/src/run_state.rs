@@ -1,4 +1,4 @@
-//! What a run collects beside the state of the filter, and its form in bytes.
+//! That which a run collects beside the state of the filter, and its form in bytes.
 
 use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
@@ -54,7 +54,7 @@ impl Collected {
         postcard::to_allocvec(&(self, slam)).map_err(|e| RunError::State(e.to_string()))
     }
 
-    /// What [`Self::to_bytes`] stored.
+    /// The parts that [`Self::to_bytes`] stored.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<(Self, &[u8]), RunError> {
         postcard::from_bytes(bytes).map_err(|e| RunError::State(e.to_string()))
     }

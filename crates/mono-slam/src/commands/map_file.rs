@@ -35,7 +35,7 @@ impl MapFile {
         (usage, map_checksum(&self.known))
     }
 
-    /// What the map and the sequence do not have in common.
+    /// That which the map and the sequence do not have in common.
     pub(crate) fn warnings(&self, sequence: &Sequence) -> Vec<Warning> {
         let camera = sequence
             .camera

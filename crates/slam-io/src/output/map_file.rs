@@ -192,8 +192,11 @@ fn decode(bytes: &[u8]) -> Result<MapFile, Fault> {
     whole(&named(&mut rest)?)
 }
 
+/// A section: its name and its bytes.
+type Section<'a> = ([u8; 4], &'a [u8]);
+
 /// The sections by name.
-fn named<'a>(rest: &mut Bytes<'a>) -> Result<Vec<([u8; 4], &'a [u8])>, Fault> {
+fn named<'a>(rest: &mut Bytes<'a>) -> Result<Vec<Section<'a>>, Fault> {
     let count = rest.count("sections", SECTION_HEADER_BYTES)?;
     let mut sections: Vec<([u8; 4], &[u8])> = Vec::with_capacity(count);
     for _ in 0..count {
