@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::ground::Ground;
 use super::keyframe::Seen;
 use super::{Slam, SlamError, filter_error};
-use crate::filter::drift::transport;
+use crate::filter::drift::{Drift, transport};
 use crate::filter::linearised::pose_posterior;
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::Prepared;
@@ -37,6 +37,9 @@ const LEAST_DORMANT: usize = 15;
 /// Squared normalised difference, of three degrees of freedom, from which the path is moved: 0.1 % of differences that are
 /// noise alone.
 const NOTICEABLE: f64 = 16.3;
+/// Information from which a difference that is noise is worth knowing, nats: the errors shrink by a third in each of three
+/// directions, or more in one.
+const INFORMATIVE: f64 = 1.0;
 /// Largest squared normalised difference that is believed.
 const BELIEVED: f64 = 36.0;
 /// Error of a path as a share of its length that is believed whatever the filter says: a metre of drift in fifty.
@@ -51,6 +54,13 @@ const FLOOR_RAD: f64 = 0.001;
 struct Solved {
     pose: CameraPose,
     covariance: PoseMatrix,
+}
+
+/// The ground after a revisit.
+pub(super) struct Revisited {
+    pub(super) ground: Ground,
+    /// Whether the path has moved; else it closes as it is, and only its errors are known better.
+    pub(super) moved: bool,
 }
 
 /// The dormant landmarks of a place and the pose they give.
@@ -82,7 +92,7 @@ impl Slam {
         frame: &FrameFeatures<'_>,
         seen: &Seen<'_>,
         ground: &Ground,
-    ) -> Result<Option<Ground>, SlamError> {
+    ) -> Result<Option<Revisited>, SlamError> {
         if !self.recovers() || self.usage == MapUse::Localise {
             return Ok(None);
         }
@@ -157,14 +167,14 @@ impl Slam {
     }
 
     /// The ground moved so that the pose by the recent landmarks agrees with that by the old ones; `None` when the difference
-    /// is noise, or too large to be drift.
+    /// tells nothing, or is too large to be drift.
     fn moved(
         &self,
         seen: &Seen<'_>,
         ground: &Ground,
         recent: &Solved,
         place: &OldPlace,
-    ) -> Result<Option<Ground>, SlamError> {
+    ) -> Result<Option<Revisited>, SlamError> {
         let reference = &seen.reference;
         let scale = reference.metric.scale();
         let world = reference.metric_world(self.rig.lever_m());
@@ -180,8 +190,21 @@ impl Slam {
             &apart,
             &(revisit.covariance() + self.believable(&here, &place.anchors)),
         );
-        if noticeable < NOTICEABLE || believed > BELIEVED {
+        if believed > BELIEVED {
             return Ok(None);
+        }
+        if noticeable < NOTICEABLE {
+            // The path closes as it is. That is worth knowing, too, and moves nothing.
+            let gain = 0.5 * (revisit.covariance().determinant() / noise.determinant()).ln();
+            if gain < INFORMATIVE {
+                return Ok(None);
+            }
+            let mut ground = ground.clone();
+            ground.drift = Some(self.conditioned(&revisit));
+            return Ok(Some(Revisited {
+                ground,
+                moved: false,
+            }));
         }
         let Some(errors) = revisit.correction(&apart) else {
             return Ok(None);
@@ -222,14 +245,23 @@ impl Slam {
             self.state.keyframe - 1,
             &moved.last.pose,
         );
-        let mut drift = self.state.drift.clone();
-        revisit.condition(&mut drift);
+        let mut drift = self.conditioned(&revisit);
         drift.move_positions(|keyframe, p| {
             let body = moved_by(&correction.errors, keyframe, &Se2::new(p.x, p.y, 0.0));
             Vector2::new(body.x, body.y)
         });
         moved.drift = Some(drift);
-        Ok(Some(moved))
+        Ok(Some(Revisited {
+            ground: moved,
+            moved: true,
+        }))
+    }
+
+    /// The joint covariance of the errors after `revisit`.
+    fn conditioned(&self, revisit: &Revisit) -> Drift {
+        let mut drift = self.state.drift.clone();
+        revisit.condition(&mut drift);
+        drift
     }
 
     fn noise(&self, recent: &Solved, old: &Solved, scale: f64) -> Matrix3<f64> {

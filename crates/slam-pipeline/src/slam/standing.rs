@@ -4,6 +4,7 @@ use super::ground::Ground;
 use super::keyframe::Seen;
 use super::lost::Lost;
 use super::recovery::Sight;
+use super::revisit::Revisited;
 use super::{Slam, SlamError, Tracking};
 use crate::frontend::frame::FrameFeatures;
 use crate::odometry::Control;
@@ -124,15 +125,23 @@ impl Slam {
         frame: &'a FrameFeatures<'a>,
         standing: &mut Standing<'a>,
     ) -> Result<(), SlamError> {
-        let Some(moved) = self.revisit(frame, &standing.seen, &standing.ground)? else {
+        let Some(revisited) = self.revisit(frame, &standing.seen, &standing.ground)? else {
             return Ok(());
         };
-        let after = self.seen(frame, moved.reference(), &standing.seen.control);
+        let Revisited {
+            ground,
+            moved: true,
+        } = revisited
+        else {
+            standing.ground = revisited.ground;
+            return Ok(());
+        };
+        let after = self.seen(frame, ground.reference(), &standing.seen.control);
         // A path that is right explains about what the one before explained, or more.
         if 5 * after.association.inliers.len() < 4 * standing.seen.association.inliers.len() {
             return Ok(());
         }
-        standing.ground = moved;
+        standing.ground = ground;
         standing.seen = after;
         standing.revisit = true;
         if standing.lost.take().is_some() {
