@@ -22,9 +22,6 @@ use crate::stopwatch::{Clock, Lap, StageClock};
 use crate::warnings;
 use crate::without_odometry::{self, expected};
 
-/// Frames kept for the picture strip.
-const SNAPSHOTS: usize = 8;
-
 /// How far a run is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
@@ -242,14 +239,10 @@ impl<'a> Run<'a> {
             }
             collected.recording.push(&features, &report, &odometry);
             let keypoints = std::mem::take(&mut report.keypoints);
-            if index.is_multiple_of(count.div_ceil(SNAPSHOTS).max(1)) {
-                collected.snapshots.push(FrameSnapshot {
-                    index,
-                    width: image.width,
-                    height: image.height,
-                    keypoints: drawn(&features, &keypoints, &rig.camera),
-                    pixels: image.pixels,
-                });
+            if FrameSnapshot::is_kept(index, count) {
+                let drawn = drawn(&features, &keypoints, &rig.camera);
+                let snapshot = FrameSnapshot::of_frame(index, count, &image, &drawn);
+                collected.snapshots.push(snapshot);
             }
             let landmarks = report.landmarks;
             collected.frames.push(FrameRecord {

@@ -3,6 +3,7 @@
 mod grey;
 mod levels;
 mod list;
+mod small;
 mod source;
 mod whole;
 

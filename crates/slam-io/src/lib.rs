@@ -42,6 +42,7 @@ mod images;
 mod output;
 mod record;
 mod sequence;
+mod snapshot;
 mod text;
 mod trajectory;
 mod tum;
@@ -61,13 +62,13 @@ pub use output::{
     write_checkpoint, write_file, write_files, write_map, write_run,
 };
 pub use record::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, RunScale, SmootherRecord,
-    StageTimes, TrackRow,
+    FrameRecord, LearnedValue, RunRecord, RunScale, SmootherRecord, StageTimes, TrackRow,
 };
 pub use sequence::{
     Odometry, OdometryChoice, OdometryRow, OdometrySource, OpenOptions, Part, Sequence,
     SequenceFormat, Survey, odometry_csv, read_run_inputs,
 };
+pub use snapshot::{DrawnKeypoint, FrameSnapshot};
 pub use text::read_text;
 pub use trajectory::{Trajectory, read_trajectory};
 pub use tum::read_tum;

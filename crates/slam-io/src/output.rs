@@ -22,7 +22,6 @@ mod atomic;
 mod checkpoint;
 mod error;
 mod map_file;
-mod pictures;
 mod ply;
 mod report_data;
 mod summary;

@@ -5,10 +5,11 @@
 
 use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
-use slam_pipeline::{FrameReport, KeypointFate, KnownMap, MapLandmark};
+use slam_pipeline::{FrameReport, KnownMap, MapLandmark};
 
 use crate::disk;
 use crate::sequence::OdometryRow;
+use crate::snapshot::FrameSnapshot;
 use crate::warning::Warning;
 
 /// Wall time of one frame, stage by stage, in milliseconds.
@@ -32,22 +33,6 @@ pub struct StageTimes {
     pub total_ms: f64,
 }
 
-/// One keypoint as the report draws it, in pixels of the raw image.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct DrawnKeypoint {
-    /// Column in pixels.
-    pub x: f32,
-    /// Row in pixels.
-    pub y: f32,
-    /// Scale in pixels.
-    pub sigma: f32,
-    /// Its fate.
-    #[serde(with = "disk::Fate")]
-    pub fate: KeypointFate,
-    /// Where the matched landmark was predicted, pixels; `None` when unmatched.
-    pub predicted: Option<[f32; 2]>,
-}
-
 /// One row of `frames.csv` and one pose of the trajectory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
@@ -62,21 +47,6 @@ pub struct FrameRecord {
     pub report: FrameReport,
     /// Milliseconds of each stage.
     pub times: StageTimes,
-}
-
-/// A frame kept for the picture strip of the report.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FrameSnapshot {
-    /// Index in the sequence.
-    pub index: usize,
-    /// Width in pixels.
-    pub width: usize,
-    /// Height in pixels.
-    pub height: usize,
-    /// Grey pixels, row by row.
-    pub pixels: Vec<u8>,
-    /// Its keypoints.
-    pub keypoints: Vec<DrawnKeypoint>,
 }
 
 /// A landmark found in a keyframe: one row of `tracks.csv`.

@@ -7,11 +7,12 @@ use slam_io::{RunRecord, RunScale, uncertainty_m};
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use crate::card::card;
+use crate::player::View;
 use crate::plot::{Colour, Ellipse, Layer, Plot};
-use crate::units;
+use crate::{events, units};
 
 /// Landmarks drawn at most; more of them hide each other.
-const MOST_LANDMARKS: usize = 8000;
+const MOST_LANDMARKS: usize = 4000;
 /// Steps of the uncertainty scale.
 const SHADES: usize = 10;
 /// Ellipses along the path.
@@ -19,8 +20,8 @@ const ELLIPSES: usize = 16;
 /// Share of landmarks on either side that does not stretch the view.
 const STRAY_SHARE: f64 = 0.03;
 
-/// The section with the bird's-eye view.
-pub(super) fn section(run: &RunRecord) -> String {
+/// The section with the bird's-eye view, and where it shows poses.
+pub(super) fn section(run: &RunRecord) -> (String, View) {
     let reference = reference(run);
     let mut plot = match run.scale {
         RunScale::Metric => Plot::new("Bird’s-eye view", "x (m)", "y (m)"),
@@ -65,6 +66,7 @@ pub(super) fn section(run: &RunRecord) -> String {
         dashed: false,
         points: path(&mut run.frames.iter().map(|frame| frame.report.estimate.pose)),
     });
+    plot.layers.extend(events::on_the_path(run));
     if let (Some(first), Some(last)) = (run.frames.first(), run.frames.last()) {
         plot.layers.push(Layer::Dots {
             label: String::new(),
@@ -96,7 +98,12 @@ pub(super) fn section(run: &RunRecord) -> String {
             units::length(scale.uncertain_m)
         );
     }
-    format!("<section>\n{}</section>\n", card(&plot, &note, "wide"))
+    let view = View {
+        placement: plot.placement(),
+        magnified,
+    };
+    let section = format!("<section>\n{}</section>\n", card(&plot, &note, "wide"));
+    (section, view)
 }
 
 /// Logarithmic scale of landmark uncertainty.

@@ -7,7 +7,7 @@ use trajectory_eval::{associate, spatial};
 
 use crate::card::card;
 use crate::plot::{Colour, Layer, Plot};
-use crate::units;
+use crate::{events, units};
 
 const TIME: &str = "time (s)";
 
@@ -38,7 +38,7 @@ pub(super) fn error_section(run: &RunRecord) -> String {
     let mut section = String::from(
         "<section>\n<h2>Error against the reference</h2>\n<p class=\"intro\">No alignment: both start in the same pose.</p>\n<div class=\"grid\">\n",
     );
-    section.push_str(&distance_chart(&errors, &drift));
+    section.push_str(&distance_chart(run, &errors, &drift));
     let axes: [(&str, &str, usize, f64); 3] = [
         ("Error along x", "x error (mm)", 0, 1000.0),
         ("Error along y", "y error (mm)", 1, 1000.0),
@@ -71,7 +71,11 @@ fn signed_errors(path: &[(f64, Se2)], reference: &[(f64, Se2)]) -> Vec<(f64, [f6
         .collect()
 }
 
-fn distance_chart(errors: &[(f64, [f64; 3])], drift: &[(f64, [f64; 3])]) -> String {
+fn distance_chart(
+    run: &RunRecord,
+    errors: &[(f64, [f64; 3])],
+    drift: &[(f64, [f64; 3])],
+) -> String {
     let distances = |errors: &[(f64, [f64; 3])]| -> Vec<(f64, f64)> {
         errors
             .iter()
@@ -101,10 +105,10 @@ fn distance_chart(errors: &[(f64, [f64; 3])], drift: &[(f64, [f64; 3])]) -> Stri
     }
     plot.layers
         .push(Layer::line("estimate", Colour::Blue, estimate));
-    card(
-        &plot,
+    over_time(
+        run,
+        plot,
         "How far the robot believes to be from where it is.",
-        "",
     )
 }
 
@@ -157,7 +161,7 @@ fn component_chart(
         "{:.0} % of the frames lie inside the band; a filter that knows itself has 99.7 %.",
         100.0 * inside as f64 / errors.len().max(1) as f64
     );
-    card(&plot, &note, "")
+    over_time(run, plot, &note)
 }
 
 fn three_sigma(covariance: &Matrix3<f64>, axis: usize) -> f64 {
@@ -182,6 +186,12 @@ fn over_keyframes(run: &RunRecord, value: impl Fn(&FrameRecord) -> Option<f64>) 
         .filter(|frame| frame.report.keyframe)
         .filter_map(|frame| Some((frame.time_s, value(frame)?)))
         .collect()
+}
+
+/// The card of a chart over time, with what happened to the run below its curves.
+fn over_time(run: &RunRecord, mut plot: Plot, note: &str) -> String {
+    plot.layers.splice(0..0, events::over_time(run));
+    card(&plot, note, "")
 }
 
 fn hints(run: &RunRecord, text: impl Fn(&FrameRecord) -> String) -> Vec<(f64, String)> {
@@ -233,7 +243,7 @@ fn particles_chart(run: &RunRecord) -> String {
             frame.report.n_eff, frame.report.unique_ancestors
         )
     });
-    card(&plot, &note, "")
+    over_time(run, plot, &note)
 }
 
 fn association_chart(run: &RunRecord) -> String {
@@ -265,10 +275,10 @@ fn association_chart(run: &RunRecord) -> String {
             frame.report.landmarks
         )
     });
-    card(
-        &plot,
+    over_time(
+        run,
+        plot,
         "Matches with the map that were used, those that gate or consensus rejected, and landmarks started.",
-        "",
     )
 }
 
@@ -297,10 +307,10 @@ fn innovation_chart(run: &RunRecord) -> String {
             .nis
             .map_or_else(|| "no measurement".into(), |nis| format!("NIS {nis:.2}"))
     });
-    card(
-        &plot,
+    over_time(
+        run,
+        plot,
         "Around one the measurements are as far off as the filter expects; above, it is over-confident.",
-        "",
     )
 }
 
@@ -348,9 +358,9 @@ fn stage_chart(run: &RunRecord) -> String {
             parts.join(", ")
         )
     });
-    card(
-        &plot,
+    over_time(
+        run,
+        plot,
         "Wall time of the frames that were filter steps, by stage.",
-        "",
     )
 }

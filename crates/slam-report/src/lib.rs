@@ -1,8 +1,9 @@
 //! Report pages of SLAM runs and camera calibrations, and the small plots that they are made of.
 //!
 //! [`render_run_html`] and [`render_calibration_html`] give one HTML file each that stands alone:
-//! style, drawings (SVG) and pictures (PNG in base64) are inside it. It works without a network,
-//! without scripts and on paper, and follows the reader's choice of light or dark. Text that came
+//! style, drawings (SVG) and pictures (JPEG or PNG in base64) are inside it. It works without a network
+//! and on paper, and follows the reader's choice of light or dark. The page of a run steps through its frames where
+//! scripts run, and is complete without them. Text that came
 //! from the input (names, notes, configuration) is escaped.
 //!
 //! [`Plot`] draws lines, bands, dots, ellipses and stacked areas over two axes, for a page or for
@@ -27,8 +28,11 @@ mod card;
 mod charts;
 mod comparison_page;
 mod escape;
+mod events;
 mod figures;
+mod keypoint_marks;
 mod pictures;
+mod player;
 mod plot;
 mod run_page;
 mod units;

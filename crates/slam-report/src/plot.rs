@@ -24,4 +24,5 @@ mod model;
 mod thinning;
 
 pub use colour::Colour;
+pub(crate) use draw::Placement;
 pub use model::{Ellipse, Layer, Plot};

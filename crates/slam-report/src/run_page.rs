@@ -1,4 +1,4 @@
-//! The page of a run: key figures, the map from above, errors where there is a reference, the
+//! The page of a run: key figures, frame by frame beside the map from above, errors where there is a reference, the
 //! health of the filter, frames with their keypoints, all figures, the configuration.
 
 use std::fmt::Write as _;
@@ -7,16 +7,21 @@ use slam_io::{RunRecord, run_figures};
 
 use crate::card::STYLE;
 use crate::escape::escape;
-use crate::{birdseye, charts, figures, pictures};
+use crate::{birdseye, charts, figures, pictures, player};
+
+/// Bytes that the frames may fill the page to.
+const MOST_BYTES: usize = 999_000;
 
 /// Draws the page of a run.
 ///
-/// Size: a few hundred kilobytes, mostly the pictures; long runs are thinned. Time O(frames + landmarks).
+/// Size: at most a megabyte, whatever the run, unless its notes and configuration alone have more; pictures, rows and
+/// lines are thinned to that. Time O(frames + landmarks).
 /// Points that are not finite are left out.
 pub fn render_run_html(run: &RunRecord) -> String {
     let figures = run_figures(run);
     let name = escape(&run.sequence);
     let mut page = String::with_capacity(1 << 20);
+    let mut view = None;
     // Writing into a String cannot fail.
     let _ = write!(
         page,
@@ -33,13 +38,24 @@ pub fn render_run_html(run: &RunRecord) -> String {
     if run.frames.is_empty() {
         page.push_str("<p class=\"empty\">The run has no frames.</p>\n");
     } else {
-        page.push_str(&birdseye::section(run));
+        let (map, map_view) = birdseye::section(run);
+        let _ = write!(
+            page,
+            "<div class=\"watch\">\n{}{map}</div>\n",
+            player::elements()
+        );
+        view = Some(map_view);
         page.push_str(&charts::error_section(run));
         page.push_str(&charts::health_section(run));
         page.push_str(&pictures::section(run));
     }
     page.push_str(&figures::tables(run, &figures));
-    page.push_str("</main>\n</body>\n</html>\n");
+    page.push_str("</main>\n");
+    if let Some(view) = view {
+        let room = MOST_BYTES.saturating_sub(page.len());
+        page.push_str(&player::script(run, &view, room));
+    }
+    page.push_str("</body>\n</html>\n");
     page
 }
 

@@ -1,6 +1,7 @@
 //! `report_data.json`: everything of a run that `map.slam` does not hold.
 //!
-//! Pictures are base64 PNG, so the file stays a readable JSON text of moderate size.
+//! Pictures are base64 JPEG, so the file stays a readable JSON text of moderate size. Earlier versions wrote a few large
+//! ones as PNG; they are read too.
 
 use std::borrow::Cow;
 use std::fs;
@@ -10,13 +11,14 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use mono_geometry::Se2;
 use serde::{Deserialize, Serialize};
+use slam_pipeline::KeypointFate;
 
 use super::error::OutputError;
 use super::map_file::MapFile;
-use crate::disk::Pose;
-use crate::record::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, RunRecord, RunScale, SmootherRecord, TrackRow,
-};
+use crate::disk::{Fate, Pose};
+use crate::images::GreyImage;
+use crate::record::{FrameRecord, RunRecord, RunScale, SmootherRecord, TrackRow};
+use crate::snapshot::{DrawnKeypoint, FrameSnapshot};
 use crate::warning::Warning;
 
 /// Version written, and the only one read.
@@ -45,33 +47,54 @@ struct ReportData<'a> {
     smoother: Option<Cow<'a, SmootherRecord>>,
     dead_reckoning: Vec<Pose>,
     reference: Option<Vec<(f64, Pose)>>,
-    snapshots: Vec<SnapshotData<'a>>,
+    /// Absent in files of earlier versions.
+    #[serde(default)]
+    pictures: Vec<Picture<'a>>,
+    /// Only in files of earlier versions.
+    #[serde(default, skip_serializing)]
+    snapshots: Vec<EarlierPicture>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SnapshotData<'a> {
+struct Picture<'a> {
+    index: usize,
+    width: usize,
+    height: usize,
+    jpeg_base64: String,
+    keypoints: Cow<'a, [DrawnKeypoint]>,
+}
+
+#[derive(Deserialize)]
+struct EarlierPicture {
     index: usize,
     png_base64: String,
-    keypoints: Cow<'a, [DrawnKeypoint]>,
+    keypoints: Vec<EarlierKeypoint>,
+}
+
+#[derive(Deserialize)]
+struct EarlierKeypoint {
+    x: f32,
+    y: f32,
+    sigma: f32,
+    #[serde(with = "Fate")]
+    fate: KeypointFate,
+    predicted: Option<[f32; 2]>,
 }
 
 /// The bytes of the file.
 pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
-    let snapshots = run
+    let pictures = run
         .snapshots
         .iter()
-        .filter(|snapshot| {
-            snapshot.width > 0 && snapshot.pixels.len() == snapshot.width * snapshot.height
+        .map(|snapshot| Picture {
+            index: snapshot.index,
+            width: snapshot.width,
+            height: snapshot.height,
+            jpeg_base64: STANDARD.encode(&snapshot.jpeg),
+            keypoints: Cow::Borrowed(&snapshot.keypoints),
         })
-        .map(|snapshot| {
-            Ok(SnapshotData {
-                index: snapshot.index,
-                png_base64: STANDARD.encode(snapshot.png()?),
-                keypoints: Cow::Borrowed(&snapshot.keypoints),
-            })
-        })
-        .collect::<Result<Vec<_>, OutputError>>()?;
+        .collect();
     let data = ReportData {
         format_version: FORMAT_VERSION,
         sequence: Cow::Borrowed(&run.sequence),
@@ -87,7 +110,8 @@ pub(super) fn encode(run: &RunRecord) -> Result<Vec<u8>, OutputError> {
         smoother: run.smoother.as_ref().map(Cow::Borrowed),
         dead_reckoning: run.dead_reckoning.iter().copied().map(Pose::from).collect(),
         reference: run.reference.as_deref().map(to_disk),
-        snapshots,
+        pictures,
+        snapshots: Vec::new(),
     };
     serde_json::to_vec(&data).map_err(OutputError::encoding)
 }
@@ -109,11 +133,14 @@ pub(super) fn read(
             data.format_version.to_string(),
         ));
     }
-    let snapshots = data
-        .snapshots
+    let mut snapshots = data
+        .pictures
         .into_iter()
-        .map(|snapshot| decoded(path, snapshot))
+        .map(|picture| decoded(path, picture))
         .collect::<Result<Vec<_>, _>>()?;
+    for picture in data.snapshots {
+        snapshots.push(converted(path, data.frames.len(), picture)?);
+    }
     Ok(RunRecord {
         sequence: data.sequence.into_owned(),
         scale: data.scale,
@@ -146,20 +173,55 @@ fn from_disk(path: Vec<(f64, Pose)>) -> Vec<(f64, Se2)> {
         .collect()
 }
 
-fn decoded(path: &Path, snapshot: SnapshotData<'_>) -> Result<FrameSnapshot, OutputError> {
-    let expected = format!("a picture of frame {}", snapshot.index);
-    let bytes = STANDARD.decode(&snapshot.png_base64).map_err(|error| {
-        let found = format!("text that is not base64: {error}");
-        OutputError::malformed(path, expected.clone(), found)
-    })?;
-    let picture = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png)
-        .map_err(|error| OutputError::malformed(path, expected, error.to_string()))?
-        .into_luma8();
+fn decoded(path: &Path, picture: Picture<'_>) -> Result<FrameSnapshot, OutputError> {
     Ok(FrameSnapshot {
-        index: snapshot.index,
-        width: picture.width() as usize,
-        height: picture.height() as usize,
-        pixels: picture.into_raw(),
-        keypoints: snapshot.keypoints.into_owned(),
+        index: picture.index,
+        width: picture.width,
+        height: picture.height,
+        jpeg: bytes(path, picture.index, &picture.jpeg_base64)?,
+        keypoints: picture.keypoints.into_owned(),
+    })
+}
+
+/// A picture as earlier versions wrote it.
+fn converted(
+    path: &Path,
+    frames: usize,
+    picture: EarlierPicture,
+) -> Result<FrameSnapshot, OutputError> {
+    let index = picture.index;
+    let png = bytes(path, index, &picture.png_base64)?;
+    let pixels = image::load_from_memory_with_format(&png, image::ImageFormat::Png)
+        .map_err(|error| {
+            OutputError::malformed(
+                path,
+                format!("a picture of frame {index}"),
+                error.to_string(),
+            )
+        })?
+        .into_luma8();
+    let image = GreyImage {
+        width: pixels.width() as usize,
+        height: pixels.height() as usize,
+        pixels: pixels.into_raw(),
+    };
+    let keypoints: Vec<DrawnKeypoint> = picture
+        .keypoints
+        .into_iter()
+        .map(|k| DrawnKeypoint {
+            x: k.x,
+            y: k.y,
+            sigma: k.sigma,
+            fate: k.fate,
+            predicted: k.predicted,
+        })
+        .collect();
+    Ok(FrameSnapshot::of_frame(index, frames, &image, &keypoints))
+}
+
+fn bytes(path: &Path, index: usize, base64: &str) -> Result<Vec<u8>, OutputError> {
+    STANDARD.decode(base64).map_err(|error| {
+        let found = format!("text that is not base64: {error}");
+        OutputError::malformed(path, format!("a picture of frame {index}"), found)
     })
 }

@@ -5,7 +5,11 @@ use std::path::Path;
 
 use crate::common::ScratchFolder;
 use crate::common::run::{FRAMES, small_run};
-use slam_io::{RunRecord, read_map, read_run, read_tum, run_figures, write_run};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use slam_io::{
+    FrameSnapshot, GreyImage, RunRecord, read_map, read_run, read_tum, run_figures, write_run,
+};
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 const FILES: [&str; 9] = [
@@ -205,6 +209,57 @@ fn a_run_reads_back() {
     );
 }
 
+/// Earlier versions kept eight large pictures as PNG, with the keypoints in full.
+#[test]
+fn pictures_of_earlier_versions_are_read() {
+    let folder = ScratchFolder::new();
+    let mut run = small_run();
+    run.snapshots.clear();
+    write_run(&run, folder.path(), &[]).unwrap();
+    let path = folder.path().join("report_data.json");
+    let image = GreyImage {
+        width: 16,
+        height: 8,
+        pixels: (0..128).collect(),
+    };
+    let png = STANDARD.encode(image.png().unwrap());
+    let earlier = format!(
+        "\"snapshots\":[{{\"index\":4,\"png_base64\":\"{png}\",\"keypoints\":[{{\"x\":3.5,\"y\":2.3,\"sigma\":1.6,\
+         \"fate\":\"Matched\",\"predicted\":[4.0,2.0]}},{{\"x\":9.0,\"y\":5.0,\"sigma\":2.0,\"fate\":\"New\",\"predicted\":null}}]}}]"
+    );
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains("\"pictures\":[]"));
+    fs::write(&path, text.replace("\"pictures\":[]", &earlier)).unwrap();
+    assert_eq!(
+        read_run(folder.path()).unwrap().snapshots,
+        small_run().snapshots
+    );
+}
+
+/// Whatever a run is long, its pictures are bounded in number and in size, and small runs have all of them.
+#[test]
+fn pictures_of_a_run_are_bounded() {
+    let image = GreyImage {
+        width: 640,
+        height: 480,
+        pixels: (0..640 * 480).map(|k| (k % 251) as u8).collect(),
+    };
+    let mut sizes = Vec::new();
+    for frames in [1, 20, 240, 241, 10_000] {
+        let kept = (0..frames)
+            .filter(|&k| FrameSnapshot::is_kept(k, frames))
+            .count();
+        assert!(
+            kept == frames || (frames > 240 && (120..=240).contains(&kept)),
+            "{kept}"
+        );
+        let snapshot = FrameSnapshot::of_frame(0, frames, &image, &[]);
+        assert!(kept * snapshot.jpeg.len() < 320_000, "{frames}");
+        sizes.push(snapshot.jpeg.len());
+    }
+    assert!(sizes[0] > 4 * sizes[2], "{sizes:?}");
+}
+
 #[test]
 fn damaged_report_data_is_an_error() {
     let folder = ScratchFolder::new();
@@ -218,7 +273,7 @@ fn damaged_report_data_is_an_error() {
     assert!(fault(&text[..text.len() / 2]).contains("expected the data of a finished run"));
     let newer = text.replace("\"format_version\":1", "\"format_version\":2");
     assert!(fault(&newer).contains("expected format version 1, found 2"));
-    let foreign = text.replace("\"png_base64\":\"", "\"png_base64\":\"??");
+    let foreign = text.replace("\"jpeg_base64\":\"", "\"jpeg_base64\":\"??");
     assert!(fault(&foreign).contains("expected a picture of frame 4"));
 }
 

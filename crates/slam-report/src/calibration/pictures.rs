@@ -2,12 +2,15 @@
 
 use std::fmt::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use camera_calibration::{CalibrationRun, FoundBoard};
-use slam_io::{FrameSnapshot, GreyImage};
+use slam_io::GreyImage;
 
 use crate::escape::escape;
-use crate::pictures::{png_data_uri, reduced};
 
+/// Larger pictures are reduced.
+const WIDEST_PIXELS: usize = 480;
 /// Length of a usual error in the picture, as a share of its width.
 const USUAL_ARROW: f64 = 0.012;
 
@@ -62,14 +65,8 @@ fn figure(
     grey: &GreyImage,
     enlarged: f64,
 ) -> Option<String> {
-    let snapshot = FrameSnapshot {
-        index: view,
-        width: grey.width,
-        height: grey.height,
-        pixels: grey.pixels.clone(),
-        keypoints: Vec::new(),
-    };
-    let uri = png_data_uri(&reduced(&snapshot))?;
+    let png = grey.reduced(WIDEST_PIXELS).png()?;
+    let uri = format!("data:image/png;base64,{}", STANDARD.encode(png));
     let (width, height) = (grey.width, grey.height);
     let report = &run.calibration.views[view];
     let scale = width as f64 / 420.0;

@@ -11,15 +11,38 @@ use super::model::Plot;
 use super::thinning::strided;
 use crate::escape::escape;
 
+/// Columns with a tooltip at most.
+const HINTS: usize = 120;
+
 impl Plot {
     /// The drawing as one `<svg>` element for a page that shows the legend itself.
     pub fn to_svg(&self) -> String {
         svg(self, false)
     }
 
+    /// Where points lie in the drawing of [`Plot::to_svg`].
+    pub(crate) fn placement(&self) -> Placement {
+        Placement(layout(self, false).0)
+    }
+
     /// The drawing as a file of its own: white ground, title and legend included.
     pub fn to_svg_file(&self) -> String {
         svg(self, true)
+    }
+}
+
+/// From the units of the axes to those of the drawing.
+pub(crate) struct Placement(Frame);
+
+impl Placement {
+    /// Where a point lies.
+    pub(crate) fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (self.0.px(x), self.0.py(y))
+    }
+
+    /// How long a unit of x is.
+    pub(crate) fn per_unit(&self) -> f64 {
+        self.0.width / (self.0.x.1 - self.0.x.0)
     }
 }
 
@@ -32,8 +55,14 @@ fn svg(plot: &Plot, own_file: bool) -> String {
     let _ = write!(
         out,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" viewBox=\"0 0 {width:.0} {total_height:.0}\" role=\"img\" \
-         aria-label=\"{}\" font-family=\"system-ui,sans-serif\" font-size=\"{font}\">",
-        escape(&plot.title)
+         aria-label=\"{}\" data-x=\"{} {} {:.1} {:.1} {:.1} {:.1}\" font-family=\"system-ui,sans-serif\" font-size=\"{font}\">",
+        escape(&plot.title),
+        frame.x.0,
+        frame.x.1,
+        frame.left,
+        frame.width,
+        frame.top,
+        frame.height
     );
     if own_file {
         let _ = write!(
@@ -141,7 +170,7 @@ fn hints(out: &mut String, plot: &Plot, frame: &Frame) {
     if plot.hints.is_empty() {
         return;
     }
-    let hints = strided(&plot.hints, 240);
+    let hints = strided(&plot.hints, HINTS);
     out.push_str("<g class=\"hits\" fill=\"transparent\">");
     for (index, (x, text)) in hints.iter().enumerate() {
         let here = frame.px(*x);

@@ -124,7 +124,7 @@ fn range(plot: &Plot, pick: impl Fn((f64, f64)) -> f64) -> (f64, f64) {
                     cover((*x, values.iter().sum()));
                 }
             }
-            Layer::Marks { .. } => {}
+            Layer::Marks { .. } | Layer::Spans { .. } => {}
             // A level or a mark belongs to whatever x range the data has.
             Layer::Level { y, .. } => cover((f64::NAN, *y)),
             Layer::Arrow { at, .. } => cover(*at),

@@ -110,6 +110,30 @@ pub(super) fn draw_layer(out: &mut String, layer: &Layer, frame: &Frame) {
                 "<path d=\"{path}\" stroke=\"{colour}\" stroke-width=\"1.5\" fill=\"none\"/>"
             );
         }
+        Layer::Spans { colour, spans, .. } => {
+            let mut path = String::new();
+            let mut before = f64::NEG_INFINITY;
+            for &(from, to) in spans {
+                let left = frame.px(from).clamp(frame.left, frame.right());
+                let right = frame.px(to).clamp(left, frame.right()).max(left + 1.5);
+                // What shares a pixel with the last one cannot be seen beside it.
+                if right > before + 1.0 {
+                    let _ = write!(
+                        path,
+                        "M{left:.1} {:.1}h{:.1}v{:.1}h-{:.1}Z",
+                        frame.top,
+                        right - left,
+                        frame.height,
+                        right - left
+                    );
+                    before = right;
+                }
+            }
+            let _ = write!(
+                out,
+                "<path d=\"{path}\" fill=\"{colour}\" fill-opacity=\".3\"/>"
+            );
+        }
         Layer::Level { colour, y, .. } => {
             let _ = write!(
                 out,

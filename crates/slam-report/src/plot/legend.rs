@@ -69,6 +69,7 @@ fn entries(plot: &Plot) -> Vec<(String, Colour, &'static str)> {
                 );
             }
             Layer::Marks { label, colour, .. } => entries.push((label.clone(), *colour, "mark")),
+            Layer::Spans { label, colour, .. } => entries.push((label.clone(), *colour, "band")),
             Layer::Level { label, colour, .. } => entries.push((label.clone(), *colour, "dash")),
             Layer::Arrow { label, colour, .. } => entries.push((label.clone(), *colour, "dot")),
         }

@@ -90,6 +90,15 @@ pub enum Layer {
         /// Positions along x.
         xs: Vec<f64>,
     },
+    /// Stretches of x, over the whole height; one without length is a line.
+    Spans {
+        /// Name in the legend; empty for none.
+        label: String,
+        /// Their colour, drawn translucent.
+        colour: Colour,
+        /// (from, to), in order.
+        spans: Vec<(f64, f64)>,
+    },
     /// A horizontal line across the whole width.
     Level {
         /// Name in the legend; empty for none.

@@ -1,14 +1,17 @@
 //! The page stands alone, is well formed, hides nothing dangerous and stays small.
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use nalgebra::{Matrix3, Vector3};
-use slam_io::{DrawnKeypoint, FrameSnapshot, RunRecord, read_run, write_run};
-use slam_pipeline::{KeypointFate, MapLandmark};
+use serde_json::Value;
+use slam_io::{DrawnKeypoint, FrameSnapshot, GreyImage, RunRecord, read_run, write_run};
+use slam_pipeline::{KeypointFate, MapLandmark, Tracking};
 use slam_report::render_run_html;
 
 use crate::run::{FRAMES, small_run};
 
 /// Elements that HTML does not close.
-const VOID: [&str; 2] = ["meta", "!DOCTYPE"];
+const VOID: [&str; 3] = ["meta", "input", "!DOCTYPE"];
 
 /// Checks that every element is closed in order; attribute values must not hold `<` or `>`.
 fn assert_well_formed(page: &str) {
@@ -27,8 +30,8 @@ fn assert_well_formed(page: &str) {
             .unwrap();
         if tag.starts_with('/') {
             assert_eq!(open.pop(), Some(name));
-        } else if name == "style" {
-            rest = &rest[rest.find("</style>").unwrap()..];
+        } else if name == "style" || name == "script" {
+            rest = &rest[rest.find(&format!("</{name}>")).unwrap()..];
             open.push(name);
         } else if !tag.ends_with('/') && !VOID.contains(&name) {
             open.push(name);
@@ -39,7 +42,6 @@ fn assert_well_formed(page: &str) {
 
 fn assert_stands_alone(page: &str) {
     for foreign in [
-        "<script",
         "<link",
         "<iframe",
         "@import",
@@ -51,14 +53,23 @@ fn assert_stands_alone(page: &str) {
     }
     let without_namespaces = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!without_namespaces.contains("http"), "an address");
-    let own =
-        |start: &str, kind: &str| page.split(kind).skip(1).all(|tail| tail.starts_with(start));
+    let own = |starts: &[&str], kind: &str| {
+        let mut tails = page.split(kind).skip(1);
+        tails.all(|tail| starts.iter().any(|start| tail.starts_with(start)))
+    };
     assert!(
-        own("#clip-", "url("),
-        "url() of something else than a clip path"
+        own(&["#clip-", "#ring-"], "url("),
+        "url() of something else than a clip path or a ring"
     );
     assert!(
-        own("data:image/png;base64,", "href=\""),
+        own(
+            &[" type=\"application/json\" id=\"run-data\">", ">\n"],
+            "<script"
+        ),
+        "a script from elsewhere"
+    );
+    assert!(
+        own(&["data:image/jpeg;base64,"], "href=\""),
         "href of something else than an inline picture"
     );
 }
@@ -167,17 +178,38 @@ fn values_that_are_not_finite_are_left_out() {
 }
 
 #[test]
-fn a_picture_that_does_not_fit_its_size_is_left_out() {
+fn a_frame_without_a_picture_is_left_out_of_the_strip() {
     let mut run = small_run();
-    run.snapshots[0].pixels.pop();
+    run.snapshots[0].jpeg.clear();
     assert!(!render_run_html(&run).contains("What the camera saw"));
 }
 
 #[test]
-fn long_runs_stay_below_three_megabytes() {
+fn a_page_of_any_length_stays_below_a_megabyte() {
+    for frames in [240, 357, 6000] {
+        let run = long_run(frames);
+        let page = render_run_html(&run);
+        assert_well_formed(&page);
+        assert_stands_alone(&page);
+        assert!(
+            page.len() < 1_000_000,
+            "{frames} frames: {} bytes",
+            page.len()
+        );
+        let shown = data(&page)["pictures"].as_array().unwrap().len();
+        assert!(shown >= 120, "{frames} frames: {shown} pictures");
+        if frames == 240 {
+            assert_eq!(shown, frames);
+        }
+        assert_eq!(page.matches("<image href=\"data:image/jpeg").count(), 8);
+    }
+}
+
+/// A run with a rich map, textured images and many keypoints.
+fn long_run(length: usize) -> RunRecord {
     let mut run = small_run();
     let frames = run.frames.clone();
-    run.frames = (0..6000)
+    run.frames = (0..length)
         .map(|index| {
             let mut frame = frames[index % FRAMES].clone();
             frame.index = index;
@@ -198,7 +230,7 @@ fn long_runs_stay_below_three_megabytes() {
             .map(|frame| (frame.time_s, frame.report.estimate.pose))
             .collect(),
     );
-    run.landmarks = (0..30_000_u32)
+    run.landmarks = (0..12_000_u32)
         .map(|id| MapLandmark {
             id,
             position: Vector3::new(f64::from(id) * 0.01, f64::from(id % 97) * 0.1, 0.0),
@@ -207,33 +239,101 @@ fn long_runs_stay_below_three_megabytes() {
             descriptor: None,
         })
         .collect();
-    // Noise is the worst that PNG can meet.
+    // Noise is the worst that JPEG can meet.
     let mut state = 1_u32;
     let mut noise = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 24) as u8
+        state >> 16
     };
-    run.snapshots = (0..20)
-        .map(|index| FrameSnapshot {
-            index: 300 * index,
-            width: 1241,
-            height: 376,
-            pixels: (0..1241 * 376).map(|_| noise()).collect(),
-            keypoints: (0..2000_u16)
-                .map(|k| DrawnKeypoint {
-                    x: f32::from(k) * 0.6,
-                    y: f32::from(k % 370),
-                    sigma: 2.5,
-                    fate: KeypointFate::Matched,
-                    predicted: Some([f32::from(k) * 0.6 + 1.0, f32::from(k % 370)]),
-                })
-                .collect(),
+    let image = GreyImage {
+        width: 320,
+        height: 240,
+        pixels: (0..320 * 240).map(|_| (noise() >> 8) as u8).collect(),
+    };
+    let keypoints: Vec<DrawnKeypoint> = (0..600)
+        .map(|k| DrawnKeypoint {
+            x: (noise() % 3200) as f32 / 10.0,
+            y: (noise() % 2400) as f32 / 10.0,
+            sigma: 1.0 + (k % 5) as f32,
+            fate: [KeypointFate::Matched, KeypointFate::Unused][usize::from(k % 6 == 0)],
+            predicted: Some([(noise() % 320) as f32, (noise() % 240) as f32]),
         })
         .collect();
+    let snapshot = FrameSnapshot::of_frame(0, length, &image, &keypoints);
+    run.snapshots = (0..length)
+        .filter(|&index| FrameSnapshot::is_kept(index, length))
+        .map(|index| FrameSnapshot {
+            index,
+            ..snapshot.clone()
+        })
+        .collect();
+    run
+}
+
+/// The data that the script of the page reads.
+fn data(page: &str) -> Value {
+    let (_, tail) = page.split_once("id=\"run-data\">").unwrap();
+    serde_json::from_str(tail.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn what_is_drawn_is_what_the_record_says() {
+    let mut run = small_run();
+    run.frames[3].report.tracking = Tracking::Lost;
+    run.frames[4].report.tracking = Tracking::Lost;
+    run.frames[5].report.tracking = Tracking::Relocalised;
+    run.frames[8].report.revisit = true;
+    run.frames[8].report.notes = vec!["</script><b>".into()];
     let page = render_run_html(&run);
     assert_well_formed(&page);
-    assert!(page.len() < 3_000_000, "{} bytes", page.len());
-    assert_eq!(page.matches("data:image/png").count(), 8);
+    assert_stands_alone(&page);
+    let data = data(&page);
+    let rows = &data["frames"];
+    for (row, frame) in run.frames.iter().enumerate() {
+        assert_eq!(rows["index"][row], frame.index);
+        assert_eq!(rows["keypoints"][row], frame.keypoints);
+        assert_eq!(rows["matches"][row], frame.report.matches);
+        assert_eq!(rows["outliers"][row], frame.report.outliers);
+        assert_eq!(rows["fresh"][row], frame.report.new_landmarks);
+        assert_eq!(rows["landmarks"][row], frame.report.landmarks);
+    }
+    assert_eq!(rows["state"], "tttllrtttttt");
+    assert_eq!(rows["revisit"], "000000001000");
+    assert_eq!(data["total"], FRAMES);
+    assert_eq!(data["notes"][1], "</script><b>");
+    assert_eq!(data["noted"]["8"][0], 1);
+    // The picture of frame 4 with one keypoint matched and one that started a landmark.
+    let [row, lines, header, body, keypoints] = &data["pictures"][0].as_array().unwrap()[..] else {
+        panic!("five entries");
+    };
+    assert_eq!((row.as_u64(), lines.as_u64()), (Some(4), Some(128)));
+    let bytes = |text: &Value| STANDARD.decode(text.as_str().unwrap()).unwrap();
+    let header = &data["headers"][header.as_u64().unwrap() as usize];
+    assert_eq!([bytes(header), bytes(body)].concat(), run.snapshots[0].jpeg);
+    // Counts of unused and new; the new one lies in row 88 of its 128 (y = 5 of 8 pixels), column 152.
+    let cell = 88 * 256 + 152;
+    let mut expected = vec![0, 0, 1, 0];
+    expected.extend(std::iter::repeat_n(255, cell / 255));
+    expected.push((cell % 255) as u8);
+    let keypoints = bytes(keypoints);
+    assert_eq!(keypoints[..expected.len()], expected);
+    for said in [">lost</span>", ">found again</span>", ">revisit</span>"] {
+        // On the view from above and on each of eight charts.
+        assert_eq!(page.matches(said).count(), 9, "{said}");
+        assert!(!render_run_html(&small_run()).contains(said));
+    }
+}
+
+#[test]
+fn a_run_without_frames_has_no_script() {
+    let mut run = small_run();
+    run.frames.clear();
+    assert!(!render_run_html(&run).contains("<script"));
+    // Words alone fill the page: what needs them is left out, the page is there.
+    let mut run = small_run();
+    run.configuration = "x".repeat(1_000_000);
+    let page = render_run_html(&run);
+    assert!(!page.contains("<script") && page.contains("What the camera saw"));
 }
 
 #[test]

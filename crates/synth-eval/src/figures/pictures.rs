@@ -4,7 +4,7 @@ use anyhow::Context;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use feature_kdtree::match_mutual;
-use slam_io::FrameSnapshot;
+use slam_io::GreyImage;
 use slam_pipeline::config::Config;
 use std::fmt::Write as _;
 use vision_sift::{Features, Keypoint};
@@ -29,7 +29,7 @@ const RATIO: f32 = 0.8;
 
 /// An image with its keypoints.
 struct Picture {
-    snapshot: FrameSnapshot,
+    image: GreyImage,
     features: Features,
 }
 
@@ -54,12 +54,10 @@ impl Studio {
             Ok((width, height, pixels.clone()))
         })?;
         Ok(Picture {
-            snapshot: FrameSnapshot {
-                index,
+            image: GreyImage {
                 width,
                 height,
                 pixels: shown,
-                keypoints: Vec::new(),
             },
             features: features.pop().context("an image without features")?,
         })
@@ -95,7 +93,7 @@ pub(super) fn two_distances(seed: u64) -> anyhow::Result<String> {
     let mut overlay = String::new();
     let mut captions = Vec::new();
     for (place, picture) in pictures.iter().enumerate() {
-        let left = place as f64 * (picture.snapshot.width as f64 + GAP_PX);
+        let left = place as f64 * (picture.image.width as f64 + GAP_PX);
         let mut strongest: Vec<&Keypoint> = picture.features.keypoints.iter().collect();
         strongest.sort_by(|a, b| b.response.abs().total_cmp(&a.response.abs()));
         let path: String = strongest
@@ -110,7 +108,7 @@ pub(super) fn two_distances(seed: u64) -> anyhow::Result<String> {
         captions.push(format!(
             "{} keypoints, {:.1} m",
             picture.features.keypoints.len(),
-            studio.depth_m(picture.snapshot.index)
+            studio.depth_m(picture.image.index)
         ));
     }
     side_by_side(&pictures, &overlay, &captions)
@@ -126,7 +124,7 @@ pub(super) fn matches(seed: u64) -> anyhow::Result<String> {
     let pictures = [studio.picture(first)?, studio.picture(second)?];
     let [a, b] = &pictures;
     let found = match_mutual(&a.features.descriptors, &b.features.descriptors, RATIO)?;
-    let shift = a.snapshot.width as f64 + GAP_PX;
+    let shift = a.image.width as f64 + GAP_PX;
     let (mut right, mut wrong) = (String::new(), String::new());
     let (mut right_count, mut wrong_count) = (0, 0);
     for pair in &found {
@@ -187,10 +185,10 @@ fn side_by_side(
     let (mut body, mut left, mut bottom) = (String::new(), 0.0, 0.0_f64);
     for (picture, caption) in pictures.iter().zip(captions) {
         let (width, height) = (
-            picture.snapshot.width as f64,
-            picture.snapshot.height as f64,
+            picture.image.width as f64,
+            picture.image.height as f64,
         );
-        let png = STANDARD.encode(picture.snapshot.png()?);
+        let png = STANDARD.encode(picture.image.png().context("an image without pixels")?);
         let _ = write!(
             body,
             "<image href=\"data:image/png;base64,{png}\" x=\"{:.1}\" y=\"-0.5\" width=\"{width}\" height=\"{height}\"/>\

@@ -3,8 +3,8 @@
 use mono_geometry::{Camera, Distortion, Pinhole, Se2, Se3};
 use nalgebra::{Matrix3, Vector3};
 use slam_io::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, LearnedValue, RunRecord, SmootherRecord, StageTimes,
-    TrackRow,
+    DrawnKeypoint, FrameRecord, FrameSnapshot, GreyImage, LearnedValue, RunRecord, SmootherRecord,
+    StageTimes, TrackRow,
 };
 use slam_pipeline::{
     FrameReport, KeypointFate, KnownErrors, KnownKeyframe, KnownLandmark, KnownMap, MapLandmark,
@@ -141,12 +141,15 @@ pub(crate) fn small_run() -> RunRecord {
                 .map(|index| (0.1 * index as f64, truth(index)))
                 .collect(),
         ),
-        snapshots: vec![FrameSnapshot {
-            index: 4,
-            width: 16,
-            height: 8,
-            pixels: (0..128).collect(),
-            keypoints: vec![
+        snapshots: vec![FrameSnapshot::of_frame(
+            4,
+            FRAMES,
+            &GreyImage {
+                width: 16,
+                height: 8,
+                pixels: (0..128).collect(),
+            },
+            &[
                 DrawnKeypoint {
                     x: 3.5,
                     y: 2.25,
@@ -162,7 +165,7 @@ pub(crate) fn small_run() -> RunRecord {
                     predicted: None,
                 },
             ],
-        }],
+        )],
         configuration: "[filter]\nmethod = \"novel\" # <script>alert(1)</script>\n".into(),
         seed: 7,
         particles: 50,
