@@ -144,7 +144,7 @@ def check(browser, run, check):
         index = indices[row]
         line = frames[index]
         where = f"frame {index}"
-        check.equal(f"{where}, number", shown["place"].split(",")[0], f"Frame {index} of {len(frames)}")
+        check.equal(f"{where}, number", shown["place"].split(",")[0], f"Frame {index} of 0 to {len(frames) - 1}")
         check.equal(f"{where}, slider", shown["slider"], row)
         expected = [int(line[c]) for c in ("keypoints", "matches", "outliers", "new_landmarks", "landmarks")]
         check.equal(f"{where}, counts", shown["facts"], expected)

@@ -109,11 +109,13 @@
   ellipse.id = 'covariance';
   robot.id = 'robot';
   robot.setAttribute('d', 'M16 0L-11 -11L-6 0L-11 11Z');
-  map.append(ellipse, robot);
+  map.querySelector('g[clip-path]').append(ellipse, robot);
   const tenth = (value) => value / 10;
   const drive = () => {
     const at = `translate(${tenth(rows.x[now])} ${tenth(rows.y[now])})`;
-    robot.setAttribute('transform', `${at} rotate(${-rows.heading[now]})`);
+    // Where the drawing is small the robot is not.
+    const size = Math.max(1, 600 / Math.max(1, map.getBoundingClientRect().width));
+    robot.setAttribute('transform', `${at} rotate(${-rows.heading[now]}) scale(${size})`);
     ellipse.setAttribute('transform', `${at} rotate(${-rows.angle[now]})`);
     ellipse.setAttribute('rx', tenth(rows.major[now]));
     ellipse.setAttribute('ry', tenth(rows.minor[now]));
@@ -167,7 +169,7 @@
   const show = (row) => {
     now = Math.max(0, Math.min(count - 1, row));
     slider.value = now;
-    const place = `Frame ${rows.index[now]} of ${data.total}`;
+    const place = `Frame ${rows.index[now]} of 0 to ${data.total - 1}`;
     element('place').textContent = `${place}, ${rows.t[now].toFixed(2)} s`;
     element('where').textContent = `${rows.index[now]} · ${rows.t[now].toFixed(2)} s`;
     element('state').textContent = words();
