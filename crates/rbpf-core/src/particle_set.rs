@@ -45,12 +45,10 @@ impl<P> ParticleSet<P> {
         check_length("origins", origins.len(), particles.len())?;
         let mut normalized = log_weights.clone();
         let log_sum = normalize(&mut normalized)?;
-        // the rounding of a log-sum-exp of n terms about zero, each rounded by its own size
-        let largest = log_weights
-            .iter()
-            .filter(|w| w.is_finite())
-            .fold(0.0, |most: f64, w| most.max(w.abs()));
-        if log_sum.abs() > 4.0 * f64::EPSILON * (2.0 + particles.len() as f64 + largest) {
+        // each weight is rounded by the size of its logarithm, and w |ln w| is at most 0.37; no weight is above one
+        let rounding = 4.0 * f64::EPSILON * (2.0 + particles.len() as f64);
+        let is_normalized = log_weights.iter().all(|w| *w <= rounding) && log_sum.abs() <= rounding;
+        if !is_normalized {
             log_weights = normalized;
         }
         Ok(Self {

@@ -242,7 +242,9 @@ fn pictures_of_a_run_are_bounded() {
     let image = GreyImage {
         width: 640,
         height: 480,
-        pixels: (0..640 * 480).map(|k| (k % 251) as u8).collect(),
+        pixels: (0..640 * 480_usize)
+            .map(|k| (((k % 640) / 16 * 7 + k / 640 / 16 * 13) % 251) as u8)
+            .collect(),
     };
     let mut sizes = Vec::new();
     for frames in [1, 20, 240, 241, 10_000] {

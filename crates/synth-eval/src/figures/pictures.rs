@@ -29,6 +29,8 @@ const RATIO: f32 = 0.8;
 
 /// An image with its keypoints.
 struct Picture {
+    /// Index of its frame.
+    frame: usize,
     image: GreyImage,
     features: Features,
 }
@@ -54,6 +56,7 @@ impl Studio {
             Ok((width, height, pixels.clone()))
         })?;
         Ok(Picture {
+            frame: index,
             image: GreyImage {
                 width,
                 height,
@@ -108,7 +111,7 @@ pub(super) fn two_distances(seed: u64) -> anyhow::Result<String> {
         captions.push(format!(
             "{} keypoints, {:.1} m",
             picture.features.keypoints.len(),
-            studio.depth_m(picture.image.index)
+            studio.depth_m(picture.frame)
         ));
     }
     side_by_side(&pictures, &overlay, &captions)
@@ -184,10 +187,7 @@ fn side_by_side(
 ) -> anyhow::Result<String> {
     let (mut body, mut left, mut bottom) = (String::new(), 0.0, 0.0_f64);
     for (picture, caption) in pictures.iter().zip(captions) {
-        let (width, height) = (
-            picture.image.width as f64,
-            picture.image.height as f64,
-        );
+        let (width, height) = (picture.image.width as f64, picture.image.height as f64);
         let png = STANDARD.encode(picture.image.png().context("an image without pixels")?);
         let _ = write!(
             body,
