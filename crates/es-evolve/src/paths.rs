@@ -1,19 +1,19 @@
 //! Covariance matrix adaptation with evolution paths (CMA-ES; Hansen and Ostermeier 2001, Hansen 2016).
 //!
 //! Steps are sigma A z, A A^T = C, z standard normal. After a generation, with the offspring ranked and weights w_i falling with the
-//! rank (positive for the mu best, negative for the others), <z> and <y> the weighted means of z and y = A z over the mu best:
+//! rank (positive for the mu best, negative for the others), `<z>` and `<y>` the weighted means of z and y = A z over the mu best:
 //!
 //! ```text
-//! p_s = (1 - c_s) p_s + sqrt(c_s (2 - c_s) mu_eff) <z>        the path of the step size
+//! p_s = (1 - c_s) p_s + sqrt(c_s (2 - c_s) mu_eff) `<z>`        the path of the step size
 //! sigma = sigma exp(c_s / d_s (|p_s| / E|z| - 1))             longer than a random walk: larger steps
-//! p_c = (1 - c_c) p_c + h sqrt(c_c (2 - c_c) mu_eff) <y>      the path of the covariance
+//! p_c = (1 - c_c) p_c + h sqrt(c_c (2 - c_c) mu_eff) `<y>`      the path of the covariance
 //! C = (1 - c_1 - c_mu sum w) C + c_1 p_c p_c^T + c_mu sum w_i y_i y_i^T
 //! ```
 //!
 //! Generations in one direction add up in a path and cancel in a zigzag: that is what a population of one generation does not
 //! know, and why this needs a quarter of the evaluations of self-adapted sizes on ill-conditioned functions. Rank-one (p_c) and
 //! rank-mu (y_i) updates, active (negative weights, each scaled to D / |z_i|^2, so that C stays positive definite). The
-//! constants are the defaults of Hansen (2016, Table 1). <z> stands for C^(-1/2) <y>: with A from
+//! constants are the defaults of Hansen (2016, Table 1). `<z>` stands for `C^(-1/2) <y>`: with A from
 //! Cholesky no decomposition is needed (Suttorp, Hansen and Igel 2009).
 
 use estimation_base::{CholeskyError, cholesky_in_place};

@@ -45,8 +45,8 @@ impl<P> ParticleSet<P> {
         check_length("origins", origins.len(), particles.len())?;
         let mut normalized = log_weights.clone();
         let log_sum = normalize(&mut normalized)?;
-        // each weight is rounded by the size of its logarithm, and w |ln w| is at most 0.37; no weight is above one
-        let rounding = 4.0 * f64::EPSILON * (2.0 + particles.len() as f64);
+        // a sum below 2^17 that was taken off has left its rounding in all of them; no weight is above one
+        let rounding = f64::EPSILON * (131_072.0 + 4.0 * particles.len() as f64);
         let is_normalized = log_weights.iter().all(|w| *w <= rounding) && log_sum.abs() <= rounding;
         if !is_normalized {
             log_weights = normalized;
