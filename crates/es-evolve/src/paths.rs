@@ -4,9 +4,9 @@
 //! rank (positive for the mu best, negative for the others), `<z>` and `<y>` the weighted means of z and y = A z over the mu best:
 //!
 //! ```text
-//! p_s = (1 - c_s) p_s + sqrt(c_s (2 - c_s) mu_eff) `<z>`        the path of the step size
+//! p_s = (1 - c_s) p_s + sqrt(c_s (2 - c_s) mu_eff) <z>        the path of the step size
 //! sigma = sigma exp(c_s / d_s (|p_s| / E|z| - 1))             longer than a random walk: larger steps
-//! p_c = (1 - c_c) p_c + h sqrt(c_c (2 - c_c) mu_eff) `<y>`      the path of the covariance
+//! p_c = (1 - c_c) p_c + h sqrt(c_c (2 - c_c) mu_eff) <y>      the path of the covariance
 //! C = (1 - c_1 - c_mu sum w) C + c_1 p_c p_c^T + c_mu sum w_i y_i y_i^T
 //! ```
 //!

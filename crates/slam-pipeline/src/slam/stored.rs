@@ -1,6 +1,6 @@
 //! The state of a system as bytes, and a system that goes on from them bit for bit.
 //!
-//! Everything that a frame changes is stored: floats with all their bits, what particles share once ([`NodeTable`]). Random
+//! Everything that a frame changes is stored: floats with all their bits, what particles share once ([`rbpf_core::NodeTable`]). Random
 //! numbers need no state, their streams are keyed by seed and frame. What follows from rig and configuration is not
 //! stored; it must be given again, and be the same.
 //!
