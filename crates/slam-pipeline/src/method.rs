@@ -13,6 +13,7 @@
 //! | start of a landmark | second sighting | two views with parallax | two views with parallax |
 //! | sigma points of landmarks | default set | printed set | default set |
 //! | reported covariance | particles and common drift | particles | particles |
+//! | old places | move the path, find a lost robot | no | no |
 //!
 //! Nothing else in the crate asks which method runs.
 
@@ -130,6 +131,8 @@ pub(crate) struct Policies {
     pub(crate) landmark_start: LandmarkStart,
     pub(crate) landmark_points: SigmaPoints<3>,
     pub(crate) reported: ReportedCovariance,
+    /// Whether old places move the path, and a robot that is lost is found by them.
+    pub(crate) recovers: bool,
 }
 
 impl Policies {
@@ -155,6 +158,7 @@ impl Policies {
                 landmark_start: LandmarkStart::SecondSighting,
                 landmark_points: SigmaPoints::default(),
                 reported: ReportedCovariance::SpreadAndDrift,
+                recovers: true,
             },
             Method::Paper => Self {
                 motion_step: MotionStep::PrintedEuler,
@@ -169,6 +173,7 @@ impl Policies {
                 landmark_start: two_views,
                 landmark_points: SigmaPoints::paper(),
                 reported: ReportedCovariance::Spread,
+                recovers: false,
             },
             Method::Conventional => Self {
                 motion_step: MotionStep::ExactArc,
@@ -183,6 +188,7 @@ impl Policies {
                 landmark_start: two_views,
                 landmark_points: SigmaPoints::default(),
                 reported: ReportedCovariance::Spread,
+                recovers: false,
             },
         }
     }

@@ -84,7 +84,7 @@ impl Slam {
 
     /// The looks of landmarks that enter the map, change or leave it.
     fn remember_places(&mut self, update: &CatalogueUpdate) {
-        if !self.recovers() {
+        if !self.policies.recovers {
             return;
         }
         let state = &mut self.state;

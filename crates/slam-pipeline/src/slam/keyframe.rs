@@ -179,15 +179,7 @@ impl Slam {
             likelihood: &self.likelihood,
         };
         if !self.policies.carries_weights {
-            let forgotten: Vec<f64> = filter
-                .set()
-                .log_weights()
-                .iter()
-                .map(|w| if w.is_finite() { -w } else { 0.0 })
-                .collect();
-            filter
-                .reweight(&forgotten)
-                .map_err(|e| filter_error(self.state.frame, e))?;
+            self.forget_weights(&mut filter)?;
         }
         let step = filter
             .step_observed(
@@ -208,6 +200,23 @@ impl Slam {
         report.es_acceptance = step.rejuvenation.acceptance();
         let window = self.redraw(&mut filter, window, observation, &mapping, report)?;
         Ok((filter, window))
+    }
+
+    /// Gives all particles that have a weight the same one.
+    pub(super) fn forget_weights(
+        &self,
+        filter: &mut ParticleFilter<Particle>,
+    ) -> Result<(), SlamError> {
+        let forgotten: Vec<f64> = filter
+            .set()
+            .log_weights()
+            .iter()
+            .map(|w| if w.is_finite() { -w } else { 0.0 })
+            .collect();
+        filter
+            .reweight(&forgotten)
+            .map(|_| ())
+            .map_err(|e| filter_error(self.state.frame, e))
     }
 
     /// The information behind the pose of this keyframe in the reference particle; `None` without matches, where

@@ -80,7 +80,7 @@ impl Slam {
     /// It is [`super::Tracking::Lost`] until an image shows a place of the map. The world is that of the map.
     ///
     /// # Errors
-    /// As [`Slam::new`]; [`SlamError::Map`] for a map without keyframes, or whose landmarks are not in order of their ids,
+    /// As [`Slam::new`]; [`SlamError::Map`] for a method that does not find places, and for a map without keyframes, or whose landmarks are not in order of their ids,
     /// refer to keyframes that it does not have or are not finite.
     pub fn with_map(
         rig: Rig,
@@ -90,6 +90,14 @@ impl Slam {
     ) -> Result<Self, SlamError> {
         check(map)?;
         let mut slam = Self::new(rig, config)?;
+        if !slam.policies.recovers {
+            return Err(SlamError::Map {
+                reason: format!(
+                    "the method {} does not find its place in one, the method exact does",
+                    config.filter.method.name()
+                ),
+            });
+        }
         let path: PersistentPath<Keyframe> = map.keyframes.iter().map(|k| known(k, &rig)).collect();
         let landmarks: CowMap<Landmark> = map
             .landmarks

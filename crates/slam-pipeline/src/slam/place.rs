@@ -40,6 +40,8 @@ pub(super) struct Place<'a> {
     pub(super) control: Control,
     pub(super) prior: MotionPrior,
     pub(super) association: Association<'a>,
+    /// Number of the landmarks that should be in view there and are found.
+    pub(super) found: usize,
 }
 
 impl<'a> Place<'a> {
@@ -90,16 +92,11 @@ impl Slam {
             seed: self.config.filter.seed ^ self.state.frame as u64,
             ..PoseOptions::default()
         };
+        // Only options out of their range are refused, here and in the search for candidates.
         poses_where(self.rig.pinhole(), &matches, &options, &upright)
             .unwrap_or_default()
             .iter()
-            .filter_map(|hypothesis| {
-                let place = self.associated_at(frame, reference, hypothesis)?;
-                let expected = expected(&place.association);
-                (expected.found >= LEAST_MATCHES
-                    && expected.found as f64 >= LEAST_SHARE * expected.landmarks as f64)
-                    .then_some(place)
-            })
+            .filter_map(|hypothesis| self.associated_at(frame, reference, hypothesis))
             .collect()
     }
 
@@ -143,7 +140,7 @@ impl Slam {
             .collect()
     }
 
-    /// The frame as it is associated from the pose of a hypothesis.
+    /// The frame as it is associated from the pose of a hypothesis; `None` when too little of the map is found there.
     fn associated_at<'a>(
         &'a self,
         frame: &FrameFeatures<'_>,
@@ -161,7 +158,13 @@ impl Slam {
         reference.stand_at(pose, &body);
         let control = self.unknown_motion();
         let (prior, association) = self.look(frame, &reference, &control);
+        let expected = expected(&association);
+        let least = LEAST_SHARE * expected.landmarks as f64;
+        if expected.found < LEAST_MATCHES || (expected.found as f64) < least {
+            return None;
+        }
         Some(Place {
+            found: expected.found,
             reference,
             control,
             prior,

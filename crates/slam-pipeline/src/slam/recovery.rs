@@ -14,7 +14,7 @@ use super::ground::Ground;
 use super::keyframe::Seen;
 use super::lost::Lost;
 use super::place::Place;
-use super::{PoseEstimate, Slam, SlamError, State, filter_error};
+use super::{PoseEstimate, Slam, SlamError, State};
 use crate::filter::linearised::PosePosterior;
 use crate::frontend::association::Association;
 use crate::frontend::frame::FrameFeatures;
@@ -82,7 +82,7 @@ impl State {
 impl Slam {
     /// The content of a frame of so many keypoints.
     pub(super) fn sight(&self, association: &Association<'_>, keypoints: usize) -> Sight {
-        if !self.recovers() || self.state.places.is_empty() {
+        if !self.policies.recovers || self.state.places.is_empty() {
             return Sight::Map;
         }
         if keypoints < LEAST_KEYPOINTS && association.inliers.len() < LEAST_MATCHES {
@@ -168,27 +168,17 @@ impl Slam {
         ground: &Ground,
     ) -> Option<Place<'a>> {
         let mut places = self.places(frame, ground.reference(), None);
-        places.sort_by_key(|p| core::cmp::Reverse(expected(&p.association).found));
-        let second = places.get(1).map_or(0, |p| expected(&p.association).found);
+        places.sort_by_key(|p| core::cmp::Reverse(p.found));
+        let second = places.get(1).map_or(0, |p| p.found);
         let first = places.into_iter().next()?;
         // Twice the matches: surroundings that look alike are left to the next frames.
-        (expected(&first.association).found >= 2 * second).then_some(first)
+        (first.found >= 2 * second).then_some(first)
     }
 
     /// The ground with all particles set down in `place`, their differences forgotten.
     pub(super) fn set_down(&self, ground: &Ground, place: &Place<'_>) -> Result<Ground, SlamError> {
         let mut ground = ground.clone();
-        let even: Vec<f64> = ground
-            .filter
-            .set()
-            .log_weights()
-            .iter()
-            .map(|w| if w.is_finite() { -w } else { 0.0 })
-            .collect();
-        ground
-            .filter
-            .reweight(&even)
-            .map_err(|e| filter_error(self.state.frame, e))?;
+        self.forget_weights(&mut ground.filter)?;
         for particle in ground.filter.particles_mut() {
             *particle = place.reference.clone();
         }

@@ -27,7 +27,6 @@ use crate::frontend::association::Association;
 use crate::frontend::catalogue::{Entry, Stage};
 use crate::frontend::frame::FrameFeatures;
 use crate::known_map::MapUse;
-use crate::method::CarrierFreedom;
 use crate::odometry::Control;
 
 /// Keyframes without a sighting after which a landmark is dormant.
@@ -71,11 +70,6 @@ struct OldPlace {
 }
 
 impl Slam {
-    /// Whether landmarks and poses may be moved by what an old place shows.
-    pub(super) fn recovers(&self) -> bool {
-        self.policies.carrier == CarrierFreedom::TiltHeightScale
-    }
-
     /// Whether an entry was not seen for some keyframes.
     pub(super) fn is_dormant(&self, entry: &Entry) -> bool {
         entry.stage == Stage::Mapped && entry.last.keyframe + DORMANT <= self.state.keyframe
@@ -93,7 +87,9 @@ impl Slam {
         seen: &Seen<'_>,
         ground: &Ground,
     ) -> Result<Option<Revisited>, SlamError> {
-        if !self.recovers() || self.usage == MapUse::Localise {
+        // Nothing can have been out of sight for longer than the run.
+        let too_early = self.state.keyframe < DORMANT;
+        if !self.policies.recovers || self.usage == MapUse::Localise || too_early {
             return Ok(None);
         }
         let inliers = |dormant: bool| {
@@ -283,7 +279,7 @@ impl Slam {
 }
 
 /// `control` with the covariance of its increment widened in every direction by that of `by`.
-pub(super) fn widened(control: &Control, by: &Matrix3<f64>) -> Control {
+fn widened(control: &Control, by: &Matrix3<f64>) -> Control {
     let side = by[(0, 0)].max(by[(1, 1)]);
     Control {
         covariance: control.covariance

@@ -2,6 +2,7 @@
 
 use mono_geometry::Se2;
 use nalgebra::{Matrix2, Vector2, Vector3};
+use slam_pipeline::config::Method;
 use slam_pipeline::{
     FrameInput, FrameReport, KnownMap, MapUse, OdometryInterval, Slam, SlamError, Tracking,
 };
@@ -217,4 +218,18 @@ fn a_map_that_contradicts_itself_is_refused_with_the_number() {
     );
     let same = Vector2::new(map.keyframes[0].body.x, map.keyframes[0].body.y);
     assert_eq!(same, Vector2::zeros());
+}
+
+/// The other methods went on from the last keyframe of the map as if the robot stood there, and said that they tracked.
+#[test]
+fn regress_methods_that_find_no_place_are_refused_a_map() {
+    let map = mapped(&Drive::new(5), 5).known_map();
+    for method in [Method::Paper, Method::Conventional] {
+        let mut config = (*config(5, 1)).clone();
+        config.filter.method = method;
+        let config = config.check().unwrap();
+        let refused = Slam::with_map(rig(), &config, &map, MapUse::Localise).unwrap_err();
+        let told = format!("the method {} does not find its place", method.name());
+        assert!(refused.to_string().contains(&told), "{refused}");
+    }
 }
