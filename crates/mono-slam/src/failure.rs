@@ -9,6 +9,7 @@ use mono_slam::recorded::RecordedError;
 use mono_slam::refine::RefineError;
 use mono_slam::run::RunError;
 use slam_io::{OutputError, SequenceError};
+use slam_pipeline::SlamError;
 use trajectory_eval::EvaluationError;
 
 /// Exit code of a process that a signal ended, less the number of the signal.
@@ -85,6 +86,7 @@ impl From<RunError> for Failure {
             | RunError::Camera(_)
             | RunError::Sigma(_)
             | RunError::State(_)
+            | RunError::Slam(SlamError::Map { .. })
             | RunError::Features(_) => Failure::input(error.to_string()),
             RunError::Slam(_) | RunError::Threads(_) => Failure::Other(error.into()),
         }

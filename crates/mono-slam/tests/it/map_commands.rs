@@ -142,6 +142,11 @@ fn another_camera_and_maps_that_are_none_are_told_in_one_sentence() {
         )),
         "{told}"
     );
+    assert_refused(
+        &localize(&map, &path("x"), &["--method", "conventional"]),
+        2,
+        "map: the method conventional does not find its place in one",
+    );
     let nowhere = path("nowhere.slam");
     assert_refused(
         &localize(&nowhere, &path("x"), &[]),
