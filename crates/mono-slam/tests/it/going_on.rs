@@ -163,7 +163,7 @@ fn an_interrupted_run_goes_on_to_the_same_bytes() {
 }
 
 /// A copy of the wall whose frame 12 is no picture although both its ends are those of one.
-fn broken_wall(scratch: &Scratch) -> (PathBuf, PathBuf) {
+pub(crate) fn broken_wall(scratch: &Scratch) -> (PathBuf, PathBuf) {
     let copy = scratch.path().join("wall");
     fs::create_dir_all(copy.join("images")).unwrap();
     for name in [

@@ -7,7 +7,7 @@ use slam_io::{Sequence, read_known_map, read_map, read_run};
 use slam_pipeline::Tracking;
 
 use crate::commands::{Scratch, assert_refused, code, mono_slam, stderr};
-use crate::going_on::{assert_same_results, checkpoint_of, run_command, text, wall};
+use crate::going_on::{assert_same_results, broken_wall, checkpoint_of, run_command, text, wall};
 
 /// `localize` with few particles.
 fn localize(map: &Path, out: &Path, more: &[&str]) -> std::process::Output {
@@ -88,27 +88,19 @@ fn a_run_that_begins_in_a_map_extends_it_and_goes_on_to_the_same_bytes() {
         read_known_map(&whole.join("map.slam")).unwrap(),
     );
     assert!(after.keyframes.len() > before.keyframes.len());
-    // A process that is killed cannot be told apart from one that was never started, once its checkpoint is there.
-    let script = format!(
-        "trap '' XFSZ; ulimit -f 4000; exec '{}' run '{}' --out '{}' --map '{}' --particles 8 --quiet --checkpoint-every 1",
-        env!("CARGO_BIN_EXE_mono-slam"),
-        wall().display(),
-        out.display(),
-        map.display()
-    );
-    let full = std::process::Command::new("sh")
-        .args(["-c", &script])
-        .output()
-        .unwrap();
-    assert_eq!(code(&full), 2, "{}", stderr(&full));
+    // The same drive, broken off and mended.
+    let (sequence, whole_image) = broken_wall(&scratch);
+    assert_eq!(code(&run_command(&sequence, &out, &in_map)), 2);
     assert!(checkpoint_of(&out).exists());
+    let name = whole_image.file_name().unwrap();
+    fs::copy(&whole_image, sequence.join("images").join(name)).unwrap();
     // In another map it is another run.
     assert_refused(
-        &run_command(&wall(), &out, &["--resume"]),
+        &run_command(&sequence, &out, &["--resume"]),
         2,
         "it is of another run: the map was `extended, checksum ",
     );
-    let resumed = run_command(&wall(), &out, &[&in_map[..], &["--resume"]].concat());
+    let resumed = run_command(&sequence, &out, &[&in_map[..], &["--resume"]].concat());
     assert_eq!(code(&resumed), 0, "{}", stderr(&resumed));
     assert!(
         stderr(&resumed).contains("going on after "),
