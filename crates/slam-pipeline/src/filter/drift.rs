@@ -16,9 +16,11 @@
 
 use std::collections::BTreeMap;
 
+use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::focal::rate_between;
 use super::linearised::{PoseLinearisation, PosePosterior};
 use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
@@ -100,6 +102,10 @@ fn planar(m: &PoseMatrix) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| m[(PLANAR[i], PLANAR[j])])
 }
 
+fn position(body: &Se2) -> Vector2<f64> {
+    Vector2::new(body.x, body.y)
+}
+
 /// The map from a rigid error at `from` to the error that it causes at `to`.
 pub(crate) fn transport(from: &Vector2<f64>, to: &Vector2<f64>) -> Matrix3<f64> {
     let d = to - from;
@@ -135,25 +141,28 @@ pub(crate) struct Drift {
     next: u32,
     /// The keyframes that are kept, ascending.
     kept: Vec<u32>,
-    /// Their positions, metres.
-    positions: Vec<Vector2<f64>>,
+    /// Their body poses, metres.
+    bodies: Vec<Se2>,
+    /// d e / d (relative error of the angles that the camera sees).
+    focal_rates: Vec<Vector3<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
     rows: Vec<Vec<Matrix3<f64>>>,
 }
 
 impl Drift {
-    /// The errors of the keyframes of a known map; `positions` (metres) are those of all its keyframes, and the indices of
-    /// `errors` are among them.
+    /// The errors of the keyframes of a known map; `bodies` (metres) are the poses of all its keyframes, and the indices of
+    /// `errors` are among them. An error of the focal length counts from the map on.
     #[must_use]
-    pub(crate) fn of_map(positions: &[Vector2<f64>], errors: &KnownErrors) -> Self {
+    pub(crate) fn of_map(bodies: &[Se2], errors: &KnownErrors) -> Self {
         let mut drift = Self {
-            next: positions.len() as u32,
+            next: bodies.len() as u32,
             kept: errors.keyframes.clone(),
-            positions: errors
+            bodies: errors
                 .keyframes
                 .iter()
-                .map(|k| positions[*k as usize])
+                .map(|k| bodies[*k as usize])
                 .collect(),
+            focal_rates: vec![Vector3::zeros(); errors.keyframes.len()],
             rows: errors.rows.clone(),
         };
         drift.thin_to(WINDOW);
@@ -173,8 +182,9 @@ impl Drift {
 
     /// Whether there is a row for every keyframe, each one entry longer than the one before.
     pub(crate) fn is_whole(&self) -> bool {
-        self.kept.len() == self.positions.len()
-            && self.rows.len() == self.positions.len()
+        self.kept.len() == self.bodies.len()
+            && self.focal_rates.len() == self.bodies.len()
+            && self.rows.len() == self.bodies.len()
             && self.kept.windows(2).all(|pair| pair[0] < pair[1])
             && self.kept.last().is_none_or(|last| *last < self.next)
             && self
@@ -184,36 +194,40 @@ impl Drift {
                 .all(|(i, row)| row.len() == i + 1)
     }
 
-    /// Adds the next keyframe at `position` (metres) and returns cov(e_t, e_t).
+    /// Adds the next keyframe with the body at `body` (metres) and returns cov(e_t, e_t).
     ///
     /// `support` is `None` at the first keyframe, which has no error by
     /// definition, and after a frame whose support could not be computed; then
     /// `odometry` alone carries the error on. Time O(window x anchors + window^2).
     pub(crate) fn push(
         &mut self,
-        position: Vector2<f64>,
+        body: &Se2,
         support: Option<&Support>,
         odometry: &Matrix3<f64>,
     ) -> Matrix3<f64> {
-        let count = self.positions.len();
+        let count = self.bodies.len();
+        let here = position(body);
         let mut gains: Vec<(usize, Matrix3<f64>)> = Vec::new();
         let mut fresh = Matrix3::zeros();
-        if count > 0 {
+        let mut focal_rate = Vector3::zeros();
+        if let Some(last) = self.bodies.last() {
             let mut rest = Matrix3::identity();
             if let Some(support) = support {
                 fresh = support.covariance * 2.0;
                 for (anchor, gain) in &support.gains {
                     let slot = self.slot(*anchor);
-                    gains.push((slot, gain * transport(&self.positions[slot], &position)));
+                    let from = &self.bodies[slot];
+                    gains.push((slot, gain * transport(&position(from), &here)));
+                    focal_rate += gain * rate_between(from, body);
                     rest -= gain;
                 }
             } else {
                 fresh = *odometry;
             }
-            gains.push((
-                count - 1,
-                rest * transport(&self.positions[count - 1], &position),
-            ));
+            gains.push((count - 1, rest * transport(&position(last), &here)));
+        }
+        for (slot, gain) in &gains {
+            focal_rate += gain * self.focal_rates[*slot];
         }
         let mut row: Vec<Matrix3<f64>> = (0..count)
             .map(|b| {
@@ -231,7 +245,8 @@ impl Drift {
         let own = (own + own.transpose()) * 0.5;
         row.push(own);
         self.rows.push(row);
-        self.positions.push(position);
+        self.bodies.push(*body);
+        self.focal_rates.push(focal_rate);
         self.kept.push(self.next);
         self.next += 1;
         self.thin_to(WINDOW);
@@ -245,8 +260,19 @@ impl Drift {
             return Matrix3::zeros();
         }
         let slot = self.slot(keyframe);
-        let t = transport(&self.positions[slot], position);
+        let t = transport(&self.position(slot), position);
         t * self.block(slot, slot) * t.transpose()
+    }
+
+    /// The derivative of the error of keyframe `keyframe` with the body at `body` by the relative error of all angles that
+    /// the camera sees.
+    #[must_use]
+    pub(crate) fn focal_rate(&self, keyframe: u32, body: &Se2) -> Vector3<f64> {
+        if self.kept.is_empty() {
+            return Vector3::zeros();
+        }
+        let slot = self.slot(keyframe);
+        transport(&self.position(slot), &position(body)) * self.focal_rates[slot]
     }
 
     /// Forgets the closest neighbours of the older half until `limit` are left; never the first.
@@ -257,7 +283,8 @@ impl Drift {
                 return;
             };
             self.kept.remove(slot);
-            self.positions.remove(slot);
+            self.bodies.remove(slot);
+            self.focal_rates.remove(slot);
             self.rows.remove(slot);
             for row in &mut self.rows[slot..] {
                 row.remove(slot);
@@ -282,9 +309,18 @@ impl Drift {
         &self.kept
     }
 
-    /// Positions of the kept keyframes, metres.
-    pub(super) fn positions(&self) -> &[Vector2<f64>] {
-        &self.positions
+    /// Body poses of the kept keyframes, metres.
+    pub(super) fn bodies(&self) -> &[Se2] {
+        &self.bodies
+    }
+
+    /// The derivatives of the errors of the kept keyframes by the relative error of all angles that the camera sees.
+    pub(super) fn focal_rates(&self) -> &[Vector3<f64>] {
+        &self.focal_rates
+    }
+
+    fn position(&self, slot: usize) -> Vector2<f64> {
+        position(&self.bodies[slot])
     }
 
     /// Length of the path of kept keyframes from `keyframe` to the last one and on to `here`, metres.
@@ -293,13 +329,24 @@ impl Drift {
         if self.kept.is_empty() {
             return 0.0;
         }
-        let from = &self.positions[self.slot(keyframe)..];
+        let from: Vec<Vector2<f64>> = self.bodies[self.slot(keyframe)..]
+            .iter()
+            .map(position)
+            .collect();
         let on = from.iter().skip(1).chain([here]);
         from.iter().zip(on).map(|(a, b)| (b - a).norm()).sum()
     }
 
-    /// Takes `by(i, j)`, a positive semi-definite matrix by blocks that is nowhere larger, from the joint covariance.
-    pub(super) fn lower(&mut self, by: impl Fn(usize, usize) -> Matrix3<f64>) {
+    /// Takes `by(i, j)`, a positive semi-definite matrix by blocks that is nowhere larger, from the joint covariance, and
+    /// `rate(i)` from the derivative of each error.
+    pub(super) fn lower(
+        &mut self,
+        by: impl Fn(usize, usize) -> Matrix3<f64>,
+        rate: impl Fn(usize) -> Vector3<f64>,
+    ) {
+        for (i, focal_rate) in self.focal_rates.iter_mut().enumerate() {
+            *focal_rate -= rate(i);
+        }
         for (i, row) in self.rows.iter_mut().enumerate() {
             for (j, block) in row.iter_mut().enumerate() {
                 *block -= by(i, j);
@@ -309,9 +356,9 @@ impl Drift {
     }
 
     /// Moves the kept keyframes.
-    pub(crate) fn move_positions(&mut self, to: impl Fn(u32, &Vector2<f64>) -> Vector2<f64>) {
-        for (keyframe, position) in self.kept.iter().zip(&mut self.positions) {
-            *position = to(*keyframe, position);
+    pub(crate) fn move_bodies(&mut self, to: impl Fn(u32, &Se2) -> Se2) {
+        for (keyframe, body) in self.kept.iter().zip(&mut self.bodies) {
+            *body = to(*keyframe, body);
         }
     }
 
@@ -381,9 +428,9 @@ mod tests {
     fn pure_odometry_is_a_random_walk_with_its_lever() {
         let mut drift = Drift::default();
         let noise = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-4));
-        drift.push(Vector2::zeros(), None, &noise);
-        drift.push(Vector2::new(1.0, 0.0), None, &noise);
-        let c = drift.push(Vector2::new(3.0, 0.0), None, &noise);
+        drift.push(&Se2::identity(), None, &noise);
+        drift.push(&Se2::new(1.0, 0.0, 0.0), None, &noise);
+        let c = drift.push(&Se2::new(3.0, 0.0, 0.0), None, &noise);
         // Heading error of the first step (made at x = 1) swings two metres.
         assert!((c[(2, 2)] - 2e-4).abs() < 1e-18);
         assert!((c[(1, 1)] - 4e-4).abs() < 1e-18);
@@ -393,10 +440,10 @@ mod tests {
     fn an_anchor_in_the_first_keyframe_bounds_the_error() {
         let mut drift = Drift::default();
         let none = Matrix3::zeros();
-        drift.push(Vector2::zeros(), None, &none);
+        drift.push(&Se2::identity(), None, &none);
         let mut last = none;
         for _ in 0..50 {
-            last = drift.push(Vector2::zeros(), Some(&support(0, 1.0, 0.01)), &none);
+            last = drift.push(&Se2::identity(), Some(&support(0, 1.0, 0.01)), &none);
         }
         assert!(
             (last[(0, 0)] - 2e-4).abs() < 1e-15,
@@ -404,9 +451,9 @@ mod tests {
         );
         // The same leaning on the previous keyframe accumulates.
         let mut drift = Drift::default();
-        drift.push(Vector2::zeros(), None, &none);
+        drift.push(&Se2::identity(), None, &none);
         for k in 0..50 {
-            last = drift.push(Vector2::zeros(), Some(&support(k, 1.0, 0.01)), &none);
+            last = drift.push(&Se2::identity(), Some(&support(k, 1.0, 0.01)), &none);
         }
         assert!((last[(0, 0)] - 50.0 * 2e-4).abs() < 1e-12);
     }
@@ -435,11 +482,11 @@ mod tests {
     fn joint_covariance_stays_positive_past_the_window() {
         let mut drift = Drift::default();
         let none = Matrix3::zeros();
-        drift.push(Vector2::zeros(), None, &none);
+        drift.push(&Se2::identity(), None, &none);
         for k in 1..(WINDOW as u32 + 40) {
             let anchor = k.saturating_sub(3);
             let c = drift.push(
-                Vector2::new(0.1 * f64::from(k), 0.0),
+                &Se2::new(0.1 * f64::from(k), 0.0, 0.0),
                 Some(&support(anchor, 0.7, 0.001)),
                 &none,
             );

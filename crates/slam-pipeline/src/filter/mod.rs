@@ -11,6 +11,7 @@ pub(crate) mod adaptation;
 pub(crate) mod drift;
 pub(crate) mod evolution;
 pub(crate) mod first_order;
+mod focal;
 pub(crate) mod landmark;
 pub(crate) mod landmark_moments;
 pub(crate) mod landmark_update;

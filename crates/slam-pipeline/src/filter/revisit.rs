@@ -21,6 +21,8 @@ pub(crate) struct Revisit {
     gains: Vec<Matrix3<f64>>,
     /// var h.
     covariance: Matrix3<f64>,
+    /// dh / d (relative error of all angles that the camera sees).
+    focal_rate: Vector3<f64>,
     kept: Vec<u32>,
     positions: Vec<Vector2<f64>>,
 }
@@ -45,7 +47,11 @@ impl Revisit {
         anchors: &[(u32, f64)],
         noise: &Matrix3<f64>,
     ) -> Option<Self> {
-        let positions = drift.positions().to_vec();
+        let positions: Vec<Vector2<f64>> = drift
+            .bodies()
+            .iter()
+            .map(|b| Vector2::new(b.x, b.y))
+            .collect();
         let last = positions.len().checked_sub(1)?;
         let mut terms = vec![(last, transport(&positions[last], position))];
         for (anchor, weight) in anchors {
@@ -65,8 +71,13 @@ impl Revisit {
             .map(|(slot, t)| t * gains[*slot])
             .sum::<Matrix3<f64>>()
             + noise;
+        let focal_rate = terms
+            .iter()
+            .map(|(slot, t)| t * drift.focal_rates()[*slot])
+            .sum();
         Some(Self {
             gains,
+            focal_rate,
             covariance: (covariance + covariance.transpose()) * 0.5,
             kept: drift.kept().to_vec(),
             positions,
@@ -106,7 +117,8 @@ impl Revisit {
         })
     }
 
-    /// The joint covariance after h was measured; unchanged when var h is singular. O(window^2).
+    /// The joint covariance after h was measured, and the derivatives by the error of the focal length, which moves h like
+    /// any other; unchanged when var h is singular. O(window^2).
     pub(crate) fn condition(&self, drift: &mut Drift) {
         let Some(c) = self.covariance.cholesky() else {
             return;
@@ -121,7 +133,11 @@ impl Revisit {
                     .unwrap_or_else(Matrix3::zeros)
             })
             .collect();
-        drift.lower(|i, j| whitened[i].tr_mul(&whitened[j]));
+        let taken_back = c.solve(&self.focal_rate);
+        drift.lower(
+            |i, j| whitened[i].tr_mul(&whitened[j]),
+            |i| self.gains[i] * taken_back,
+        );
     }
 }
 

@@ -26,23 +26,14 @@ impl Slam {
         let PoseEstimate { pose, covariance } = spread(self.state.filter.set());
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.state.last.pose.phi);
         let odometry = turn.matrix() * control.covariance * turn.matrix().transpose();
-        let drift = self
-            .state
-            .drift
-            .push(Vector2::new(pose.x, pose.y), support, &odometry);
+        let drift = self.state.drift.push(&pose, support, &odometry);
         let covered = match self.policies.reported {
             ReportedCovariance::SpreadAndDrift => cover(&covariance, &drift),
             ReportedCovariance::Spread => covariance,
         };
         let unseen = match self.policies.reported {
             ReportedCovariance::SpreadAndDrift => {
-                let step = Vector2::new(
-                    pose.x - self.state.last.pose.x,
-                    pose.y - self.state.last.pose.y,
-                );
-                let turn = wrap(pose.phi - self.state.last.pose.phi);
-                self.state.turned.add(&step, turn);
-                self.calibration_covariance(&pose)
+                self.calibration_covariance(self.state.keyframe, &pose)
             }
             ReportedCovariance::Spread => Matrix3::zeros(),
         };
@@ -63,19 +54,18 @@ impl Slam {
         let scale = set.particles()[set.best()].metric.relative_scale_variance()
             + self.config.odometry.scale_bias.powi(2);
         let along = Vector3::new(body.x, body.y, 0.0) * scale.sqrt();
-        let heading = Vector3::new(-body.y, body.x, 1.0) * self.config.carrier.first_heading_sigma;
-        drift + along * along.transpose() + heading * heading.transpose()
+        drift + along * along.transpose() + self.calibration_covariance(keyframe, body)
     }
 
     /// The covariance of the errors that no image sees: a first heading, a mount or a focal length that is wrong.
     ///
     /// A first heading off by a turns the whole path and the heading by a; a camera mounted with a yaw of a turns the path
-    /// alone. A relative error of the focal length is one of every angle turned, and swings the path driven since.
-    fn calibration_covariance(&self, pose: &Se2) -> Matrix3<f64> {
+    /// alone. A relative error of the focal length is one of every angle that the camera sees.
+    fn calibration_covariance(&self, keyframe: u32, pose: &Se2) -> Matrix3<f64> {
         let carrier = &self.config.carrier;
         let heading = Vector3::new(-pose.y, pose.x, 1.0) * carrier.first_heading_sigma;
         let mount = Vector3::new(-pose.y, pose.x, 0.0) * carrier.mount_yaw_sigma;
-        let focal = self.state.turned.gain() * carrier.focal_sigma;
+        let focal = self.state.drift.focal_rate(keyframe, pose) * carrier.focal_sigma;
         heading * heading.transpose() + mount * mount.transpose() + focal * focal.transpose()
     }
 }

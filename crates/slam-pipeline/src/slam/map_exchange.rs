@@ -130,12 +130,8 @@ impl Slam {
             slam.state.places.insert(l.id, &l.descriptor)?;
         }
         slam.state.catalogue.follow(&landmarks);
-        let positions: Vec<_> = map
-            .keyframes
-            .iter()
-            .map(|k| Vector2::new(k.body.x, k.body.y))
-            .collect();
-        slam.state.drift = Drift::of_map(&positions, &map.errors);
+        let bodies: Vec<_> = map.keyframes.iter().map(|k| k.body).collect();
+        slam.state.drift = Drift::of_map(&bodies, &map.errors);
         slam.state.keyframe = map.keyframes.len() as u32;
         slam.state.begin_lost(map);
         Ok(slam)

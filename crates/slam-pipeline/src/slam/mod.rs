@@ -29,7 +29,6 @@ mod standing;
 mod stored;
 #[cfg(test)]
 mod tests;
-mod turned;
 mod window;
 
 use mono_geometry::Se2;
@@ -64,7 +63,6 @@ pub use report::{
     FrameReport, KeypointFate, KeypointReport, MapLandmark, PoseEstimate, Stage, StageObserver,
     Tracking,
 };
-use turned::Turned;
 use window::Window;
 
 /// Why a frame could not be processed.
@@ -148,8 +146,6 @@ struct State {
     drift: Drift,
     /// How much larger than stated the process noise is.
     adaptation: Adaptation,
-    /// How far an error of the focal length has swung the path.
-    turned: Turned,
     /// The keyframes that may be driven again.
     window: Window,
     /// Index of the next frame.
@@ -243,7 +239,6 @@ impl Slam {
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
                 drift: Drift::default(),
                 adaptation: Adaptation::default(),
-                turned: Turned::default(),
                 window: Window::default(),
                 frame: 0,
                 keyframe: 0,

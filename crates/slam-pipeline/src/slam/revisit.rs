@@ -242,10 +242,7 @@ impl Slam {
             &moved.last.pose,
         );
         let mut drift = self.conditioned(&revisit);
-        drift.move_positions(|keyframe, p| {
-            let body = moved_by(&correction.errors, keyframe, &Se2::new(p.x, p.y, 0.0));
-            Vector2::new(body.x, body.y)
-        });
+        drift.move_bodies(|keyframe, body| moved_by(&correction.errors, keyframe, body));
         moved.drift = Some(drift);
         Ok(Some(Revisited {
             ground: moved,

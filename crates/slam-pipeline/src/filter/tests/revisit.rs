@@ -27,6 +27,10 @@ fn lap(n: usize) -> Vec<Vector2<f64>> {
         .collect()
 }
 
+fn body(position: &Vector2<f64>) -> Se2 {
+    Se2::new(position.x, position.y, 0.0)
+}
+
 fn step_noise() -> Matrix3<f64> {
     Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 1e-4, 2e-5, 0.0, 2e-5, 9e-4)
 }
@@ -37,7 +41,7 @@ fn dead_reckoning(positions: &[Vector2<f64>]) -> (Drift, DMatrix<f64>) {
     let mut drift = Drift::default();
     let mut joint = DMatrix::zeros(3 * n, 3 * n);
     for (t, p) in positions.iter().enumerate() {
-        drift.push(*p, None, &step_noise());
+        drift.push(&body(p), None, &step_noise());
         if t == 0 {
             continue;
         }
@@ -130,14 +134,14 @@ fn the_errors_of_a_known_map_are_those_of_the_run_that_made_it() {
     let (drift, _) = dead_reckoning(&positions);
     let saved = drift.errors();
     assert!(saved.keyframes.len() <= WINDOW / 2 && saved.keyframes[0] == 0);
-    let loaded = Drift::of_map(&positions, &saved);
+    let loaded = Drift::of_map(&positions.iter().map(body).collect::<Vec<_>>(), &saved);
     for k in saved.keyframes {
         let at = &positions[k as usize];
         assert_eq!(loaded.covariance_of(k, at), drift.covariance_of(k, at));
     }
     let mut loaded = loaded;
     let last = positions[positions.len() - 1];
-    let next = loaded.push(last, None, &step_noise());
+    let next = loaded.push(&body(&last), None, &step_noise());
     let before = drift.covariance_of(positions.len() as u32 - 1, &last);
     assert!((next - before - step_noise()).amax() < 1e-15);
 }
@@ -169,13 +173,12 @@ fn a_rigid_error_leaves_every_pixel_where_it_was() {
     let mut bodies = Vec::new();
     for k in 0..30 {
         let body = Se2::new(0.1 * f64::from(k), 0.02 * f64::from(k), 0.03 * f64::from(k));
-        let p = Vector2::new(body.x, body.y);
         let noise = if k == 1 {
             Matrix3::identity()
         } else {
             Matrix3::zeros()
         };
-        drift.push(p, None, &noise);
+        drift.push(&body, None, &noise);
         bodies.push(body);
     }
     let at_first = Vector2::new(bodies[1].x, bodies[1].y);
