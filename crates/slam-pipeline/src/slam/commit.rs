@@ -76,6 +76,7 @@ impl Slam {
         state.keyframe += 1;
         // About half of the features that start here are found again, and the first keyframe has no others.
         state.matches_at_keyframe = report.matches.max(started / 2);
+        state.explored = keyframe.explored;
         state.adaptation = keyframe.adaptation;
         state.window = keyframe.window;
         state.odometer.reset();

@@ -19,7 +19,7 @@ use crate::filter::landmark::{InverseDepthPrior, Landmark};
 use crate::filter::mapping::Mapping;
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{
-    FrameObservation, Initialisation, MatchedFeature, Prepared, Sighting,
+    FrameObservation, Initialisation, MatchedFeature, Prepared, Scoring, Sighting,
 };
 use crate::filter::particle::Particle;
 use crate::filter::proposal::PoseProposal;
@@ -44,6 +44,8 @@ pub(super) struct PlannedKeyframe {
     pub(super) last: PoseEstimate,
     /// The joint covariance of the errors, where an old place has changed it.
     pub(super) drift: Option<Drift>,
+    /// Share of the scoring matches whose landmarks were not first seen long before.
+    pub(super) explored: f64,
     /// Whether the robot is still lost, and maps on.
     pub(super) lost: Option<Lost>,
 }
@@ -95,6 +97,7 @@ impl Slam {
             &self.rig.image_size_px(),
         );
         let support = self.support(seen, &matches);
+        let explored = self.explored(&matches);
         let initialised = self.ready_for_two_views(&seen.association);
         let promoted = self.promoted(&matches, &initialised);
         report.new_landmarks = promoted.len();
@@ -130,6 +133,7 @@ impl Slam {
             forest: state.catalogue.forest_after(&update)?,
             catalogue: update,
             support,
+            explored,
             control: seen.control,
             window,
             last,
@@ -242,6 +246,23 @@ impl Slam {
             seen.reference.metric.scale(),
             &anchored,
         )
+    }
+
+    /// The share of the scoring matches whose landmarks were not first seen long before; one without matches.
+    fn explored(&self, matches: &[MatchedFeature]) -> f64 {
+        let (mut old, mut all) = (0_usize, 0_usize);
+        for m in matches {
+            if m.scoring != Scoring::MapOnly {
+                all += 1;
+                old += usize::from(
+                    self.state
+                        .catalogue
+                        .get(m.id)
+                        .is_some_and(|entry| self.is_old(entry)),
+                );
+            }
+        }
+        1.0 - old as f64 / all.max(1) as f64
     }
 
     /// Tentative features matched now whose two views have parallax enough in the reference particle.

@@ -153,6 +153,8 @@ struct State {
     /// Index of the next keyframe.
     keyframe: u32,
     matches_at_keyframe: usize,
+    /// Share of the matches of the last keyframe whose landmarks were not first seen long before.
+    explored: f64,
     /// Estimate at the last keyframe.
     last: PoseEstimate,
     /// One entry a frame.
@@ -243,6 +245,7 @@ impl Slam {
                 frame: 0,
                 keyframe: 0,
                 matches_at_keyframe: 0,
+                explored: 1.0,
                 last: PoseEstimate::origin(),
                 path: Vec::new(),
             },
@@ -276,6 +279,8 @@ impl Slam {
                 CarrierFreedom::TiltHeightScale => self.state.adaptation.factors(),
                 CarrierFreedom::Planar => NoiseFactors::NOMINAL,
             },
+            // The scale of a place that was mapped before is what it was.
+            scale_drift: self.carrier.scale_drift * self.state.explored,
             ..self.carrier
         }
     }

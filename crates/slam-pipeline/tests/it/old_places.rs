@@ -233,3 +233,41 @@ fn regress_methods_that_find_no_place_are_refused_a_map() {
         assert!(refused.to_string().contains(&told), "{refused}");
     }
 }
+
+/// A robot that drives to and fro along a wall it knows measures the scale of its map again and again. Its drift was let grow
+/// as if all of this were new, so that only the odometry of the last metres counted, and the far end of the wall lay now here,
+/// now there.
+#[test]
+fn regress_the_scale_of_an_old_place_does_not_wander() {
+    let first = Drive::new(5);
+    let mut slam = Slam::new(rig(), &config(30, 4)).unwrap();
+    let last = FRAMES - 1;
+    for i in 0..FRAMES {
+        slam.step(&first.input(i), &mut |_| {}).unwrap();
+    }
+    let mut ends = Vec::new();
+    for round in 0..12 {
+        let back = Drive::again(5, 100 + round);
+        for i in (0..last).rev() {
+            let there = back.odometry[i];
+            let odometry = OdometryInterval {
+                v_mps: -there.v_mps,
+                omega_radps: -there.omega_radps,
+                ..there
+            };
+            step(&mut slam, &back.features[i], &[odometry]);
+        }
+        let to = Drive::again(5, 200 + round);
+        let mut report = None;
+        for i in 1..FRAMES {
+            report = Some(step(&mut slam, &to.features[i], &to.odometry[i - 1..i]));
+        }
+        ends.push(report.unwrap().estimate.pose.x);
+    }
+    let settled = &ends[2..];
+    let n = settled.len() as f64;
+    let mean = settled.iter().sum::<f64>() / n;
+    let spread = (settled.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    let truth = first.truth[last].x;
+    assert!(spread < 0.004 * truth, "{spread} m of {truth} m: {ends:?}");
+}
