@@ -13,9 +13,12 @@ use super::prediction::Predicted;
 const BLIND_SHARE: f64 = 0.2;
 /// Beyond this change of direction SIFT is not expected to find a landmark again, degrees.
 const COMPARABLE_DEGREES: f64 = 20.0;
+/// The same for the distance, as a ratio to that of the first sighting: an octave. The map does not know that one wall hides
+/// the next; what lies behind it is mostly farther away than it was ever seen from.
+const COMPARABLE_RANGE: f64 = 2.0;
 
 /// Landmarks of the map that a frame should show, because they are in view under a direction like that of their last
-/// sighting.
+/// sighting, from a distance like that of the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Expected {
     /// Number of them.
@@ -41,7 +44,7 @@ pub(crate) fn expected(association: &Association<'_>) -> Expected {
     expected
 }
 
-/// Landmarks of the map that were in view under a comparable direction and not found, in order of id. Those for which `apart`
+/// Landmarks of the map that were in view under a comparable direction from a comparable distance and not found, in order of id. Those for which `apart`
 /// holds are judged by themselves: where next to none of them is found, none is missed.
 #[must_use]
 pub(crate) fn missed_landmarks(
@@ -73,5 +76,8 @@ pub(crate) fn missed_landmarks(
 }
 
 fn is_comparable(predicted: &Predicted<'_>) -> bool {
-    predicted.entry.last_direction.dot(&predicted.direction) > COMPARABLE_DEGREES.to_radians().cos()
+    let ratio = predicted.range_ratio;
+    (1.0 / COMPARABLE_RANGE..COMPARABLE_RANGE).contains(&ratio)
+        && predicted.entry.last_direction.dot(&predicted.direction)
+            > COMPARABLE_DEGREES.to_radians().cos()
 }

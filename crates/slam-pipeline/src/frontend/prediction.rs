@@ -23,6 +23,8 @@ pub(crate) struct Predicted<'a> {
     pub(crate) covariance: Matrix2<f64>,
     /// Direction from the camera, world axes, unit length.
     pub(crate) direction: Vector3<f64>,
+    /// Distance from the camera over that from the camera of the first sighting; 1 for a landmark that has none.
+    pub(crate) range_ratio: f64,
     /// The landmark in the reference particle, without a measurement.
     pub(crate) prepared: Prepared,
     /// The Gaussian of a tentative feature.
@@ -151,13 +153,18 @@ pub(crate) fn predict<'a>(
         }
         let ray = geometry.ray(&landmark.mean);
         let direction = ray.base + (ray.origin - prior.mean.centre) * ray.rate;
+        let range = direction.norm().max(f64::MIN_POSITIVE);
         landmarks.push((
             id,
             Predicted {
                 entry,
                 pixel: p,
                 covariance: line.innovation(),
-                direction: direction / direction.norm().max(f64::MIN_POSITIVE),
+                direction: direction / range,
+                // Both lengths are multiples of the same inverse depth.
+                range_ratio: landmark
+                    .anchor()
+                    .map_or(1.0, |_| range / ray.base.norm().max(f64::MIN_POSITIVE)),
                 prepared,
                 prototype: (entry.stage == Stage::Tentative).then_some(*landmark),
             },

@@ -271,3 +271,47 @@ fn regress_the_scale_of_an_old_place_does_not_wander() {
     let truth = first.truth[last].x;
     assert!(spread < 0.004 * truth, "{spread} m of {truth} m: {ends:?}");
 }
+
+/// Rows of shelves: behind the wall that the robot sees stand others, each mapped from its own aisle. The map does not know that
+/// the first hides the rest; all of them were expected in view, next to none was found, and no place was believed.
+#[test]
+fn regress_walls_behind_the_wall_are_not_expected() {
+    let mut map = mapped(&Drive::new(5), 5).known_map();
+    let (keyframes, landmarks) = (map.keyframes.clone(), map.landmarks.clone());
+    for row in 1..=6_u32 {
+        let aisle = Vector3::new(0.0, 12.0 * f64::from(row), 0.0);
+        let first = map.keyframes.len() as u32;
+        map.keyframes.extend(keyframes.iter().map(|k| {
+            let mut k = *k;
+            k.world_from_camera.translation += aisle;
+            k.body.y += aisle.y;
+            k
+        }));
+        let next = map.landmarks[map.landmarks.len() - 1].id + 1;
+        map.landmarks
+            .extend(landmarks.iter().zip(next..).map(|(l, id)| {
+                let mut l = l.clone();
+                l.id = id;
+                l.anchor += first;
+                // Another wall looks different.
+                for (i, d) in l.descriptor.iter_mut().enumerate() {
+                    *d = (id as u8)
+                        .wrapping_mul(97)
+                        .wrapping_add((i as u8).wrapping_mul(row as u8 * 31))
+                        / 2;
+                }
+                l
+            }));
+    }
+    let drive = Drive::again(5, 77);
+    let mut slam = Slam::with_map(rig(), &config(30, 9), &map, MapUse::Localise).unwrap();
+    let found = (13..18).position(|i| {
+        let odometry = if i == 13 {
+            &[]
+        } else {
+            &drive.odometry[i - 1..i]
+        };
+        step(&mut slam, &drive.features[i], odometry).tracking != Tracking::Lost
+    });
+    assert!(found.is_some(), "not found in five frames");
+}
