@@ -25,7 +25,7 @@ use super::linearised::{PoseLinearisation, PosePosterior};
 use super::motion::MotionPrior;
 use super::observation::{Prepared, Scoring};
 use super::pose::{PLANAR, PoseMatrix};
-use crate::known_map::KnownErrors;
+use crate::known_map::{KnownErrors, KnownKeyframe};
 use crate::rig::Rig;
 
 /// Number of keyframes whose joint covariance is kept. Another anchor counts as the kept one that is nearest to it. The
@@ -145,24 +145,30 @@ pub(crate) struct Drift {
     bodies: Vec<Se2>,
     /// d e / d (relative error of the angles that the camera sees).
     focal_rates: Vec<Vector3<f64>>,
+    /// What was reported of e beyond its covariance here, at that keyframe.
+    excesses: Vec<Matrix3<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
     rows: Vec<Vec<Matrix3<f64>>>,
 }
 
 impl Drift {
-    /// The errors of the keyframes of a known map; `bodies` (metres) are the poses of all its keyframes, and the indices of
-    /// `errors` are among them. An error of the focal length counts from the map on.
+    /// The errors of the keyframes of a known map; `keyframes` are all of them, and the indices of `errors` are among them. An
+    /// error of the focal length counts from the map on.
     #[must_use]
-    pub(crate) fn of_map(bodies: &[Se2], errors: &KnownErrors) -> Self {
+    pub(crate) fn of_map(keyframes: &[KnownKeyframe], errors: &KnownErrors) -> Self {
+        let known = || errors.keyframes.iter().map(|k| &keyframes[*k as usize]);
         let mut drift = Self {
-            next: bodies.len() as u32,
+            next: keyframes.len() as u32,
             kept: errors.keyframes.clone(),
-            bodies: errors
-                .keyframes
-                .iter()
-                .map(|k| bodies[*k as usize])
-                .collect(),
+            bodies: known().map(|k| k.body).collect(),
             focal_rates: vec![Vector3::zeros(); errors.keyframes.len()],
+            excesses: known()
+                .zip(&errors.rows)
+                .map(|(k, row)| {
+                    let own = row.last().copied().unwrap_or_else(Matrix3::zeros);
+                    cover(&own, &k.covariance) - own
+                })
+                .collect(),
             rows: errors.rows.clone(),
         };
         drift.thin_to(WINDOW);
@@ -184,6 +190,7 @@ impl Drift {
     pub(crate) fn is_whole(&self) -> bool {
         self.kept.len() == self.bodies.len()
             && self.focal_rates.len() == self.bodies.len()
+            && self.excesses.len() == self.bodies.len()
             && self.rows.len() == self.bodies.len()
             && self.kept.windows(2).all(|pair| pair[0] < pair[1])
             && self.kept.last().is_none_or(|last| *last < self.next)
@@ -194,7 +201,8 @@ impl Drift {
                 .all(|(i, row)| row.len() == i + 1)
     }
 
-    /// Adds the next keyframe with the body at `body` (metres) and returns cov(e_t, e_t).
+    /// Adds the next keyframe with the body at `body` (metres) and returns the covariance of its error: cov(e_t, e_t) and what
+    /// was reported beyond it at the keyframes that the pose leans on.
     ///
     /// `support` is `None` at the first keyframe, which has no error by
     /// definition, and after a frame whose support could not be computed; then
@@ -210,6 +218,7 @@ impl Drift {
         let mut gains: Vec<(usize, Matrix3<f64>)> = Vec::new();
         let mut fresh = Matrix3::zeros();
         let mut focal_rate = Vector3::zeros();
+        let mut inherited = Matrix3::zeros();
         if let Some(last) = self.bodies.last() {
             let mut rest = Matrix3::identity();
             if let Some(support) = support {
@@ -226,8 +235,15 @@ impl Drift {
             }
             gains.push((count - 1, rest * transport(&position(last), &here)));
         }
+        let share = |gain: &Matrix3<f64>| gain.trace().max(0.0);
+        let shares = gains.iter().map(|(_, gain)| share(gain)).sum::<f64>();
         for (slot, gain) in &gains {
             focal_rate += gain * self.focal_rates[*slot];
+            let moved = transport(&self.position(*slot), &here);
+            inherited += moved
+                * self.excesses[*slot]
+                * moved.transpose()
+                * (share(gain) / shares.max(f64::MIN_POSITIVE));
         }
         let mut row: Vec<Matrix3<f64>> = (0..count)
             .map(|b| {
@@ -247,13 +263,22 @@ impl Drift {
         self.rows.push(row);
         self.bodies.push(*body);
         self.focal_rates.push(focal_rate);
+        self.excesses.push(inherited);
         self.kept.push(self.next);
         self.next += 1;
         self.thin_to(WINDOW);
-        own
+        own + inherited
     }
 
-    /// The covariance of the error that keyframe `keyframe` at `position` has.
+    /// Takes down that the covariance `reported` was reported of the error of the last keyframe.
+    pub(crate) fn note_reported(&mut self, reported: &Matrix3<f64>) {
+        if let (Some(row), Some(excess)) = (self.rows.last(), self.excesses.last_mut()) {
+            let own = row[row.len() - 1];
+            *excess = cover(&own, reported) - own;
+        }
+    }
+
+    /// The covariance of the error that keyframe `keyframe` at `position` has, with what was reported beyond it.
     #[must_use]
     pub(crate) fn covariance_of(&self, keyframe: u32, position: &Vector2<f64>) -> Matrix3<f64> {
         if self.kept.is_empty() {
@@ -261,7 +286,7 @@ impl Drift {
         }
         let slot = self.slot(keyframe);
         let t = transport(&self.position(slot), position);
-        t * self.block(slot, slot) * t.transpose()
+        t * (self.block(slot, slot) + self.excesses[slot]) * t.transpose()
     }
 
     /// The derivative of the error of keyframe `keyframe` with the body at `body` by the relative error of all angles that
@@ -285,6 +310,7 @@ impl Drift {
             self.kept.remove(slot);
             self.bodies.remove(slot);
             self.focal_rates.remove(slot);
+            self.excesses.remove(slot);
             self.rows.remove(slot);
             for row in &mut self.rows[slot..] {
                 row.remove(slot);
@@ -348,10 +374,15 @@ impl Drift {
             *focal_rate -= rate(i);
         }
         for (i, row) in self.rows.iter_mut().enumerate() {
+            let before = row[i].trace();
             for (j, block) in row.iter_mut().enumerate() {
                 *block -= by(i, j);
             }
             row[i] = (row[i] + row[i].transpose()) * 0.5;
+            // What is not in the covariance falls as it does.
+            if before > 0.0 {
+                self.excesses[i] *= (row[i].trace() / before).clamp(0.0, 1.0);
+            }
         }
     }
 

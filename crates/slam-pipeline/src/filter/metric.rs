@@ -159,12 +159,6 @@ impl MetricState {
         self
     }
 
-    /// Relative variance of the scale.
-    #[must_use]
-    pub(crate) fn relative_scale_variance(&self) -> f64 {
-        self.covariance[(Self::SCALE, Self::SCALE)] / (self.scale() * self.scale())
-    }
-
     /// The metric body pose with heading `phi`.
     #[must_use]
     pub(crate) fn body(&self, phi: f64) -> Se2 {

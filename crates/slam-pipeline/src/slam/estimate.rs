@@ -28,7 +28,11 @@ impl Slam {
         let odometry = turn.matrix() * control.covariance * turn.matrix().transpose();
         let drift = self.state.drift.push(&pose, support, &odometry);
         let covered = match self.policies.reported {
-            ReportedCovariance::SpreadAndDrift => cover(&covariance, &drift),
+            ReportedCovariance::SpreadAndDrift => {
+                let covered = cover(&covariance, &drift);
+                self.state.drift.note_reported(&covered);
+                covered
+            }
             ReportedCovariance::Spread => covariance,
         };
         let unseen = match self.policies.reported {
@@ -44,16 +48,14 @@ impl Slam {
         }
     }
 
-    /// The covariance of a keyframe of the path at `body`: drift, calibration and the scale error of the wheels.
+    /// The covariance of a keyframe of the path at `body`: what was reported of it, revisits since, calibration and the scale
+    /// error of the wheels.
     pub(super) fn keyframe_covariance(&self, keyframe: u32, body: &Se2) -> Matrix3<f64> {
         let drift = self
             .state
             .drift
             .covariance_of(keyframe, &Vector2::new(body.x, body.y));
-        let set = self.state.filter.set();
-        let scale = set.particles()[set.best()].metric.relative_scale_variance()
-            + self.config.odometry.scale_bias.powi(2);
-        let along = Vector3::new(body.x, body.y, 0.0) * scale.sqrt();
+        let along = Vector3::new(body.x, body.y, 0.0) * self.config.odometry.scale_bias;
         drift + along * along.transpose() + self.calibration_covariance(keyframe, body)
     }
 

@@ -130,8 +130,7 @@ impl Slam {
             slam.state.places.insert(l.id, &l.descriptor)?;
         }
         slam.state.catalogue.follow(&landmarks);
-        let bodies: Vec<_> = map.keyframes.iter().map(|k| k.body).collect();
-        slam.state.drift = Drift::of_map(&bodies, &map.errors);
+        slam.state.drift = Drift::of_map(&map.keyframes, &map.errors);
         slam.state.keyframe = map.keyframes.len() as u32;
         slam.state.begin_lost(map);
         Ok(slam)

@@ -5,7 +5,7 @@
 //! landmarks that should be in view there are. Two equal posters in different surroundings are told apart by this.
 
 use nalgebra::{Matrix3, Vector3};
-use place_recognition::{CandidateOptions, PlaceHypothesis, PointMatch, PoseOptions, poses_where};
+use place_recognition::{CandidateOptions, PointMatch, PoseOptions, poses_where};
 
 use super::Slam;
 use super::feature_budget::strongest_unused;
@@ -13,6 +13,7 @@ use super::keyframe::Seen;
 use super::map_exchange::pose_of_camera;
 use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
+use crate::filter::pose::CameraPose;
 use crate::frontend::association::Association;
 use crate::frontend::frame::FrameFeatures;
 use crate::frontend::missed::expected;
@@ -45,6 +46,11 @@ pub(super) struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
+    /// The pose that the found landmarks say.
+    pub(super) fn pose(&self) -> CameraPose {
+        self.association.posterior.mean_pose(&self.prior)
+    }
+
     /// The frame as it is seen from there.
     pub(super) fn seen(self, frame: &'a FrameFeatures<'a>) -> Seen<'a> {
         Seen {
@@ -96,7 +102,15 @@ impl Slam {
         poses_where(self.rig.pinhole(), &matches, &options, &upright)
             .unwrap_or_default()
             .iter()
-            .filter_map(|hypothesis| self.associated_at(frame, reference, hypothesis))
+            .filter_map(|hypothesis| {
+                let camera = PlacedCamera::new(&hypothesis.world_from_camera);
+                let mut pose = pose_of_camera(&camera, &self.rig);
+                if self.config.carrier.slope_sigma == 0.0 {
+                    // On a plane the height is not found again but known.
+                    pose.centre.z = reference.pose.centre.z;
+                }
+                self.associated_at(frame, reference, pose)
+            })
             .collect()
     }
 
@@ -140,19 +154,14 @@ impl Slam {
             .collect()
     }
 
-    /// The frame as it is associated from the pose of a hypothesis; `None` when too little of the map is found there.
-    fn associated_at<'a>(
+    /// The frame as it is associated from `pose`, near which the robot may stand; `None` when too little of the map is found
+    /// there.
+    pub(super) fn associated_at<'a>(
         &'a self,
         frame: &FrameFeatures<'_>,
         reference: &Particle,
-        hypothesis: &PlaceHypothesis,
+        pose: CameraPose,
     ) -> Option<Place<'a>> {
-        let camera = PlacedCamera::new(&hypothesis.world_from_camera);
-        let mut pose = pose_of_camera(&camera, &self.rig);
-        if self.config.carrier.slope_sigma == 0.0 {
-            // On a plane the height is not found again but known.
-            pose.centre.z = reference.pose.centre.z;
-        }
         let body = reference.metric_world(self.rig.lever_m()).body(&pose);
         let mut reference = reference.clone();
         reference.stand_at(pose, &body);

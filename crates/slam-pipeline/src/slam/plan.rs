@@ -115,6 +115,12 @@ impl Slam {
         observer.begin(Stage::Proposal);
         let step = match lost {
             Some(lost) if !lost.mapping => {
+                if !lost.places.is_empty() {
+                    let count = lost.places.len();
+                    report
+                        .notes
+                        .push(format!("{count} places of the map look alike"));
+                }
                 let (keyframe_from_body, estimate) = self.dead_reckoned(&lost, &seen);
                 PlannedStep::Lost {
                     keyframe_from_body,

@@ -6,16 +6,19 @@
 //! and where the robot was moved, as fast as one can be carried. A robot that is not found in some frames maps on from
 //! where odometry puts it, and stays lost until an old place ties it to the map again.
 
+use estimation_base::wrap;
 use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector3};
 
 use super::estimate::{between_keyframes, relative_motion};
 use super::ground::Ground;
 use super::keyframe::Seen;
-use super::lost::Lost;
+use super::lost::{Hypothesis, Lost};
 use super::place::Place;
 use super::{PoseEstimate, Slam, SlamError, State};
 use crate::filter::linearised::PosePosterior;
+use crate::filter::particle::Particle;
+use crate::filter::pose::CameraPose;
 use crate::frontend::association::Association;
 use crate::frontend::frame::FrameFeatures;
 use crate::frontend::missed::expected;
@@ -34,6 +37,26 @@ const SEARCHED: u32 = 10;
 /// How fast a robot is carried, m/s and rad/s.
 const CARRIED_MPS: f64 = 0.5;
 const CARRIED_RADPS: f64 = 0.5;
+
+/// Places are told apart when the landmarks found differ by so many standard deviations of their number (Poisson); more than
+/// chance asks for, because the landmarks of one image are not independent.
+const TOLD_APART: f64 = 6.0;
+/// Places that are kept until they can be told apart.
+const MOST_PLACES: usize = 8;
+/// Poses nearer to each other than this are one place.
+const SAME_M: f64 = 0.15;
+const SAME_RAD: f64 = 0.1;
+/// Standard deviations of a place that is one of several.
+const PLACE_M: f64 = 0.05;
+const PLACE_RAD: f64 = 0.03;
+
+/// The outcome of a search of the map.
+pub(super) enum Search<'a> {
+    /// The one place that the frame shows.
+    Found(Box<Place<'a>>),
+    /// Places that cannot be told apart, or none.
+    Open(Vec<Hypothesis>),
+}
 
 /// The content of a frame against what is expected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,6 +98,7 @@ impl State {
             since_s: 0.0,
             mapping: false,
             awake: Some(estimate),
+            places: Vec::new(),
         });
     }
 }
@@ -88,7 +112,7 @@ impl Slam {
         if keypoints < LEAST_KEYPOINTS && association.inliers.len() < LEAST_MATCHES {
             return Sight::Blind;
         }
-        if self.state.lost.is_some_and(|l| l.awake.is_some()) {
+        if self.state.lost.as_ref().is_some_and(|l| l.awake.is_some()) {
             return Sight::Elsewhere;
         }
         let expected = expected(association);
@@ -102,12 +126,13 @@ impl Slam {
 
     /// The state of being lost after a frame that was not found.
     pub(super) fn still_lost(&self, sight: Sight, control: &Control) -> Lost {
-        let before = self.state.lost.unwrap_or(Lost {
+        let before = self.state.lost.clone().unwrap_or(Lost {
             elsewhere: false,
             searched: 0,
             since_s: control.dt_s,
             mapping: false,
             awake: None,
+            places: Vec::new(),
         });
         match sight {
             Sight::Elsewhere => Lost {
@@ -144,6 +169,9 @@ impl Slam {
     pub(super) fn dead_reckoned(&self, lost: &Lost, seen: &Seen<'_>) -> (Se2, PoseEstimate) {
         let posterior = PosePosterior::prior();
         let motion = relative_motion(&seen.reference, &seen.prior, &posterior);
+        if let Some(mixture) = mixture(&lost.places) {
+            return (motion, mixture);
+        }
         if let Some(awake) = lost.awake {
             return (motion, awake);
         }
@@ -160,19 +188,74 @@ impl Slam {
         (motion, estimate)
     }
 
-    /// The one place of the map that a lost frame shows; `None` when there is none, or more than one that cannot be told
-    /// apart.
+    /// The place of the map that a lost frame shows, or several that cannot be told apart yet.
+    ///
+    /// Places that earlier frames left open move on with the odometry, and each is associated by itself. Only when none of
+    /// them is left the whole map is searched.
     pub(super) fn found_again<'a>(
         &'a self,
         frame: &FrameFeatures<'_>,
         ground: &Ground,
-    ) -> Option<Place<'a>> {
-        let mut places = self.places(frame, ground.reference(), None);
-        places.sort_by_key(|p| core::cmp::Reverse(p.found));
-        let second = places.get(1).map_or(0, |p| p.found);
-        let first = places.into_iter().next()?;
-        // Twice the matches: surroundings that look alike are left to the next frames.
-        (first.found >= 2 * second).then_some(first)
+        control: &Control,
+    ) -> Search<'a> {
+        let reference = ground.reference();
+        let open = self.state.lost.iter().flat_map(|lost| &lost.places);
+        let mut places: Vec<(usize, Place<'a>)> = open
+            .filter_map(|before| {
+                let pose = self.moved_on(before, reference, control);
+                let place = self.associated_at(frame, reference, pose)?;
+                Some((before.found + place.found, place))
+            })
+            .collect();
+        if places.is_empty() {
+            let anywhere = self.places(frame, reference, None);
+            places = anywhere.into_iter().map(|p| (p.found, p)).collect();
+        }
+        places.sort_by_key(|(found, _)| core::cmp::Reverse(*found));
+        let world = reference.metric_world(self.rig.lever_m());
+        let mut kept: Vec<(Hypothesis, Place<'a>)> = Vec::new();
+        for (found, place) in places {
+            let pose = place.pose();
+            let body = world.body(&pose);
+            let is_open = kept.first().is_none_or(|(best, _)| {
+                let (more, less) = (best.found as f64, found as f64);
+                more - less < TOLD_APART * (more + less).sqrt()
+            });
+            let is_new = kept.iter().all(|(other, _)| {
+                let between = other.body.between(&body);
+                between.x.hypot(between.y) > SAME_M || between.phi.abs() > SAME_RAD
+            });
+            if is_open && is_new && kept.len() < MOST_PLACES {
+                let driven = control.increment;
+                let hypothesis = Hypothesis {
+                    pose,
+                    body,
+                    driven,
+                    found,
+                };
+                kept.push((hypothesis, place));
+            }
+        }
+        if kept.len() > 1 {
+            return Search::Open(kept.into_iter().map(|(hypothesis, _)| hypothesis).collect());
+        }
+        match kept.pop() {
+            Some((_, place)) => Search::Found(Box::new(place)),
+            None => Search::Open(Vec::new()),
+        }
+    }
+
+    /// The pose of a hypothesis after the motion since its last frame.
+    fn moved_on(&self, before: &Hypothesis, reference: &Particle, control: &Control) -> CameraPose {
+        let mut particle = reference.clone();
+        particle.stand_at(before.pose, &before.body);
+        let since = Control {
+            increment: before.driven.between(&control.increment),
+            ..*control
+        };
+        self.carrier()
+            .prior(&self.rig.lever_m(), &particle.departure(), &since)
+            .mean
     }
 
     /// The ground with all particles set down in `place`, their differences forgotten.
@@ -186,4 +269,28 @@ impl Slam {
         ground.last.pose = place.reference.metric.body(place.reference.pose.phi);
         Ok(ground)
     }
+}
+
+/// Mean and covariance of a robot that stands in one of `places`, weighted by what was found there; `None` without any.
+fn mixture(places: &[Hypothesis]) -> Option<PoseEstimate> {
+    let best = places.first()?.body;
+    let total: usize = places.iter().map(|p| p.found).sum();
+    let apart = |p: &Hypothesis| {
+        Vector3::new(
+            p.body.x - best.x,
+            p.body.y - best.y,
+            wrap(p.body.phi - best.phi),
+        )
+    };
+    let share = |p: &Hypothesis| p.found as f64 / total.max(1) as f64;
+    let mean: Vector3<f64> = places.iter().map(|p| apart(p) * share(p)).sum();
+    let spread: Matrix3<f64> = places
+        .iter()
+        .map(|p| (apart(p) - mean) * (apart(p) - mean).transpose() * share(p))
+        .sum();
+    let own = Vector3::new(PLACE_M * PLACE_M, PLACE_M * PLACE_M, PLACE_RAD * PLACE_RAD);
+    Some(PoseEstimate {
+        pose: Se2::new(best.x + mean.x, best.y + mean.y, wrap(best.phi + mean.z)),
+        covariance: spread + Matrix3::from_diagonal(&own),
+    })
 }

@@ -3,7 +3,7 @@
 use super::ground::Ground;
 use super::keyframe::Seen;
 use super::lost::Lost;
-use super::recovery::Sight;
+use super::recovery::{Search, Sight};
 use super::revisit::Revisited;
 use super::{Slam, SlamError, Tracking};
 use crate::frontend::frame::FrameFeatures;
@@ -58,7 +58,7 @@ impl Slam {
 
     /// The map is seen: a robot that was lost stands where odometry puts it, unless it was moved and has mapped on.
     fn follow(&self, standing: &mut Standing<'_>) {
-        if let Some(before) = self.state.lost.filter(|l| l.mapping) {
+        if let Some(before) = self.state.lost.clone().filter(|l| l.mapping) {
             standing.lost = Some(before);
             standing.tracking = Tracking::Lost;
         }
@@ -71,19 +71,21 @@ impl Slam {
         sight: Sight,
         standing: &mut Standing<'a>,
     ) -> Result<(), SlamError> {
-        let place = match sight {
-            Sight::Elsewhere => self.found_again(frame, &standing.ground),
-            Sight::Map | Sight::Blind => None,
-        };
-        if let Some(place) = place {
-            standing.ground = self.set_down(&standing.ground, &place)?;
-            standing.seen = place.seen(frame);
-            standing.tracking = Tracking::Relocalised;
-            return Ok(());
-        }
         let mut lost = self.still_lost(sight, &standing.seen.control);
+        if sight == Sight::Elsewhere {
+            match self.found_again(frame, &standing.ground, &standing.seen.control) {
+                Search::Found(place) => {
+                    standing.ground = self.set_down(&standing.ground, &place)?;
+                    standing.seen = place.seen(frame);
+                    standing.tracking = Tracking::Relocalised;
+                    return Ok(());
+                }
+                Search::Open(places) => lost.places = places,
+            }
+        }
         if !lost.mapping && self.maps_on(&lost) {
             lost.mapping = true;
+            lost.places.clear();
             let carried = self.carried(&lost, &standing.seen.control);
             standing.seen = self.seen(frame, standing.ground.reference(), &carried);
         }
@@ -94,10 +96,11 @@ impl Slam {
 
     fn is_keyframe(&self, standing: &Standing<'_>) -> bool {
         let state = &self.state;
-        if standing.lost.is_some_and(|l| !l.mapping) {
+        if standing.lost.as_ref().is_some_and(|l| !l.mapping) {
             return false;
         }
-        let changed = standing.lost.map(|l| l.mapping) != state.lost.map(|l| l.mapping);
+        let mapping = |lost: &Option<Lost>| lost.as_ref().map(|l| l.mapping);
+        let changed = mapping(&standing.lost) != mapping(&state.lost);
         if state.keyframe == 0 || changed {
             return true;
         }

@@ -315,3 +315,59 @@ fn regress_walls_behind_the_wall_are_not_expected() {
     });
     assert!(found.is_some(), "not found in five frames");
 }
+
+/// The same wall twice in a map, the second time without its far end: where both look alike the robot may stand at either, and
+/// says so; the far end decides.
+#[test]
+fn places_that_look_alike_are_kept_until_one_is_left() {
+    let mut map = mapped(&Drive::new(5), 5).known_map();
+    let away = Vector3::new(40.0, 0.0, 0.0);
+    let (keyframes, landmarks) = (map.keyframes.clone(), map.landmarks.clone());
+    let first = keyframes.len() as u32;
+    map.keyframes.extend(keyframes.iter().map(|k| {
+        let mut k = *k;
+        k.world_from_camera.translation += away;
+        k.body.x += away.x;
+        k
+    }));
+    let next = landmarks[landmarks.len() - 1].id + 1;
+    let twins = landmarks.iter().filter(|l| {
+        let at = Vector3::new(l.parameters.x, l.parameters.y, 1.0) / l.parameters.z;
+        let world = keyframes[l.anchor as usize]
+            .world_from_camera
+            .transform_point(&at);
+        world.x < 1.8
+    });
+    map.landmarks.extend(twins.zip(next..).map(|(l, id)| {
+        let mut l = l.clone();
+        l.id = id;
+        l.anchor += first;
+        l
+    }));
+    let drive = Drive::again(5, 77);
+    for usage in [MapUse::Localise, MapUse::Extend] {
+        let mut slam = Slam::with_map(rig(), &config(30, 9), &map, usage).unwrap();
+        let mut open = 0;
+        let mut found = None;
+        for i in 5..30 {
+            let odometry = if i == 5 {
+                &[][..]
+            } else {
+                drive.input(i).odometry
+            };
+            let report = step(&mut slam, &drive.features[i], odometry);
+            let (metres, sigmas) = error(&report, &drive.truth[i]);
+            assert!(sigmas < 4.0, "{i}: {metres} m, {sigmas}");
+            if report.tracking == Tracking::Lost {
+                assert!(found.is_none(), "lost again at {i}");
+                // Here or forty metres away.
+                let sigma = report.estimate.covariance[(0, 0)].sqrt();
+                open += usize::from((sigma - 20.0).abs() < 3.0);
+            } else {
+                found.get_or_insert(i);
+                assert!(metres < 0.1, "{i}: {metres} m");
+            }
+        }
+        assert!(open >= 3 && found.is_some(), "{open} {found:?}");
+    }
+}
