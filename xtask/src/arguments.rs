@@ -2,6 +2,7 @@
 //!
 //! The commands that belong to a program of the workspace take their flags to it unread.
 
+use crate::package;
 use lexopt::prelude::*;
 use std::ffi::OsString;
 
@@ -14,13 +15,15 @@ synth-eval     compare the filters on scenes and sequences (the program synth-ev
 fixtures [--check]
                rewrite fixtures/wall and fixtures/board, or verify that they are what would be written
 tidy [--stats] check the rules of the tree, or print lines, long files and test binaries of every crate
+package [--out DIR] [--repository URL] [--verify] [--check-names]
+               package every publishable crate under the names of the family (CONTRIBUTING.md)
 ci             formatting, clippy, tests, documentation, tidy
 
 cargo xtask scene --help and the like list the flags of the programs.
 ";
 
 /// The names that are commands, for messages.
-const COMMANDS: &str = "scene, board, fixtures, synth-eval, tidy or ci";
+const COMMANDS: &str = "scene, board, fixtures, synth-eval, tidy, package or ci";
 
 /// A parsed command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,6 +47,8 @@ pub(crate) enum Command {
         /// Print the figures only.
         stats: bool,
     },
+    /// Package the publishable crates.
+    Package(package::Options),
     /// The whole gate.
     Ci,
 }
@@ -74,6 +79,7 @@ pub(crate) fn parse(
             None => Command::Help,
             Some(stats) => Command::Tidy { stats },
         }),
+        "package" => package(&mut parser),
         "ci" => match parser.next()? {
             None => Ok(Command::Ci),
             Some(Long("help") | Short('h')) => Ok(Command::Help),
@@ -93,6 +99,25 @@ fn program(
     let mut arguments: Vec<OsString> = first.map(OsString::from).into_iter().collect();
     arguments.extend(parser.raw_args()?);
     Ok(Command::Program { package, arguments })
+}
+
+/// The flags of `package`.
+fn package(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
+    let mut options = package::Options::default();
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("out") => options.out = Some(parser.value()?.into()),
+            Long("repository") => {
+                let address = parser.value()?.string()?;
+                options.repository = Some(address.trim_end_matches('/').to_owned());
+            }
+            Long("verify") => options.verify = true,
+            Long("check-names") => options.check_names = true,
+            Long("help") | Short('h') => return Ok(Command::Help),
+            other => return Err(other.unexpected()),
+        }
+    }
+    Ok(Command::Package(options))
 }
 
 /// Whether the only flag allowed is given; `None` when help is asked for.

@@ -9,6 +9,7 @@
 mod arguments;
 mod ci;
 mod fixtures;
+mod package;
 mod programs;
 mod tidy;
 
@@ -44,6 +45,10 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Fixtures { check: false } => fixtures::write(&root)?,
         Command::Tidy { stats: true } => print!("{}", tidy::table(&root)?),
         Command::Tidy { stats: false } => tidy::run(&root)?,
+        Command::Package(options) => {
+            let metadata = tidy::metadata(&root)?;
+            print!("{}", package::run(&root, &metadata, &options)?);
+        }
         Command::Ci => ci::run(&root)?,
     }
     Ok(ExitCode::SUCCESS)

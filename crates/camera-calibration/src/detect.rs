@@ -45,6 +45,17 @@ const LEAST_SIDE_PX: usize = 60;
 ///
 /// # Errors
 /// The reason as [`NotFound`]; an image without a board is an ordinary outcome.
+///
+/// ```
+/// use camera_calibration::{BoardSize, GreyView, NotFound, find_board};
+///
+/// // A grey wall has no board on it, which is an ordinary outcome with its reason.
+/// let pixels = vec![128; 320 * 240];
+/// let wall = GreyView { width: 320, height: 240, pixels: &pixels };
+/// let size: BoardSize = "9x6".parse()?;
+/// assert_eq!(find_board(wall, size), Err(NotFound::NoCorners));
+/// # Ok::<(), String>(())
+/// ```
 pub fn find_board(image: GreyView<'_>, size: BoardSize) -> Result<FoundBoard, NotFound> {
     let finest = Plane::of(image).ok_or(NotFound::NoImage)?;
     if finest.width.min(finest.height) < LEAST_SIDE_PX {

@@ -175,6 +175,28 @@ pub enum OptimiseStop {
 /// # Errors
 /// A parameter or step size out of range, [`EvolveError::LogFitness`] for NaN or plus infinity (the slot is the
 /// offspring's number), [`EvolveError::Impossible`] when the whole first generation is impossible.
+///
+/// ```
+/// use es_evolve::{OptimiseParams, OptimiseStop, optimise};
+/// use nalgebra::Vector2;
+/// use rand::SeedableRng;
+/// use rand_chacha::ChaCha8Rng;
+///
+/// # fn main() -> Result<(), es_evolve::EvolveError> {
+/// let log_fitness = |_: usize, x: &Vector2<f64>| -(x - Vector2::new(1.0, -2.0)).norm_squared();
+/// let streams = |generation: usize, offspring: usize| {
+///     let mut rng = ChaCha8Rng::seed_from_u64(7);
+///     rng.set_stream((generation as u64) << 32 | offspring as u64);
+///     rng
+/// };
+/// let params = OptimiseParams { target: -1e-10, ..OptimiseParams::for_dimension(2) };
+/// let (start, step_sizes) = (Vector2::zeros(), Vector2::repeat(0.5));
+/// let found = optimise(&start, &step_sizes, &log_fitness, &params, &streams)?;
+/// assert!(matches!(found.stop, OptimiseStop::Target { .. }));
+/// assert!((found.best - Vector2::new(1.0, -2.0)).norm() < 1e-4);
+/// # Ok(())
+/// # }
+/// ```
 pub fn optimise<const D: usize, G, R>(
     start: &G,
     step_sizes: &SVector<f64, D>,

@@ -76,6 +76,22 @@ pub enum CholeskyError {
 }
 
 /// The lower triangular factor L of a symmetric positive (semi-)definite matrix P = L L^T.
+///
+/// ```
+/// use estimation_base::{Cholesky, Manifold, Se2, chi_square_quantile};
+/// use nalgebra::{Matrix3, Vector3};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let estimated = Se2::new(1.0, 2.0, 3.1);
+/// let true_pose = Se2::new(1.1, 1.9, -3.1); // the headings are 0.08 rad apart, not 6.2
+/// let error = estimated.local(&true_pose);
+///
+/// let covariance = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 0.01));
+/// let squared_distance = Cholesky::definite(&covariance)?.mahalanobis_squared(&error);
+/// assert!(squared_distance < chi_square_quantile(3.0, 0.99)?);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cholesky<const N: usize> {
     lower: SMatrix<f64, N, N>,

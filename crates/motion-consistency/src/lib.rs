@@ -1,33 +1,9 @@
-//! Does the odometry of a wheeled robot fit what its camera saw?
+#![doc = include_str!("../README.md")]
 //!
-//! [`check_motion`] takes pairs of frames with the keypoints found in both, the rows of the odometry, the camera and its
-//! mount, and answers with the contradictions it finds ([`Finding`]): turns of the wrong sign or unit, a robot that drives
-//! backwards, a mount that was forgotten, a camera that has stopped, clocks that differ. Each has a stable name, its
-//! numbers, and a sentence with the likely cause. Nothing is estimated that a filter could use: one camera on a plane
-//! cannot tell a sign of the speed from a camera that looks the other way, and the sentences say so.
+//! ## Where to begin
 //!
-//! ```
-//! use mono_geometry::motion::OdometrySample;
-//! use mono_geometry::{Mount, Pinhole};
-//! use motion_consistency::{FramePair, check_motion};
-//! use nalgebra::Vector2;
-//!
-//! // A camera that looks ahead turns left by 0.05 rad between two frames: far points move right in the image.
-//! let camera = Pinhole { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 319.5, cy: 239.5 };
-//! let right_px = 500.0 * 0.05_f64.tan();
-//! let pair = |k: u32| FramePair {
-//!     from_s: f64::from(k),
-//!     to_s: f64::from(k + 1),
-//!     matches: (0..40).map(|i| Vector2::new(200.0 + 5.0 * f64::from(i), 239.5)).map(|p| [p, p + Vector2::new(right_px, 0.0)]).collect(),
-//! };
-//! let pairs: Vec<FramePair> = (0..10).map(pair).collect();
-//! // The odometry claims the same turns to the right.
-//! let odometry = [OdometrySample { t_s: 0.0, v_mps: 0.0, omega_radps: -0.05 }];
-//! let findings = check_motion(&pairs, &odometry, &camera, &Mount::forward());
-//! assert_eq!(findings[0].name(), "turn-sign");
-//! ```
-//!
-//! Use it before a drive is believed. It is no calibration: a mount or a wheel base that is wrong by a few per cent passes.
+//! [`check_motion`] takes [`FramePair`]s and answers with [`Finding`]s; [`check_path`] takes the poses of a filter. Nothing is
+//! estimated that a filter could use.
 
 mod agreement;
 mod contradiction;
@@ -54,6 +30,27 @@ const MIN_MATCHES: usize = 12;
 /// `odometry` are rows in order of time, each holding until the next. Pairs should show a motion of several pixels; those
 /// with fewer than twelve matches are left out. Deterministic. Time: some 150 ms for 24 pairs or more, on one core;
 /// memory: a few megabytes.
+///
+/// ```
+/// use mono_geometry::motion::OdometrySample;
+/// use mono_geometry::{Mount, Pinhole};
+/// use motion_consistency::{FramePair, check_motion};
+/// use nalgebra::Vector2;
+///
+/// // A camera that looks ahead turns left by 0.05 rad between two frames: far points move right in the image.
+/// let camera = Pinhole { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 319.5, cy: 239.5 };
+/// let right_px = 500.0 * 0.05_f64.tan();
+/// let pair = |k: u32| FramePair {
+///     from_s: f64::from(k),
+///     to_s: f64::from(k + 1),
+///     matches: (0..40).map(|i| Vector2::new(200.0 + 5.0 * f64::from(i), 239.5)).map(|p| [p, p + Vector2::new(right_px, 0.0)]).collect(),
+/// };
+/// let pairs: Vec<FramePair> = (0..10).map(pair).collect();
+/// // The odometry claims the same turns to the right.
+/// let odometry = [OdometrySample { t_s: 0.0, v_mps: 0.0, omega_radps: -0.05 }];
+/// let findings = check_motion(&pairs, &odometry, &camera, &Mount::forward());
+/// assert_eq!(findings[0].name(), "turn-sign");
+/// ```
 #[must_use]
 pub fn check_motion(
     pairs: &[FramePair],
@@ -79,8 +76,3 @@ pub fn check_motion(
     }
     findings
 }
-
-/// Compiles and runs the code of the README.
-#[doc = include_str!("../README.md")]
-#[cfg(doctest)]
-pub struct ReadmeDoctests;

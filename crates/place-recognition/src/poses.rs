@@ -127,6 +127,47 @@ impl PlaceHypothesis {
 ///
 /// # Errors
 /// [`PlaceError::Option`].
+///
+/// ```
+/// use mono_geometry::Pinhole;
+/// use nalgebra::{Matrix3, Vector3};
+/// use place_recognition::{CandidateOptions, PlaceIndex, PointMatch, PoseOptions, poses};
+///
+/// // Forty landmarks, each with a descriptor of its own.
+/// let point = |id: u32| {
+///     let k = f64::from(id);
+///     Vector3::new((k * 1.7).sin() * 2.0, (k * 2.9).sin() * 1.5, 5.0 + (k * 0.7).cos())
+/// };
+/// let descriptor = |id: u32| std::array::from_fn(|i| ((id as usize * 37 + 1) * (i + 3) * 71 % 251) as u8);
+/// let mut index = PlaceIndex::new();
+/// for id in 0..40 {
+///     index.insert(id, &descriptor(id))?;
+/// }
+///
+/// // A camera at the origin sees all of them.
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 319.5, cy: 239.5 };
+/// let pixels: Vec<_> = (0..40).map(|id| pinhole.project(&point(id)).expect("in front")).collect();
+/// let descriptors: Vec<_> = (0..40).map(descriptor).collect();
+///
+/// let candidates = index.candidates(&descriptors, &CandidateOptions::default())?;
+/// let matches: Vec<PointMatch> = candidates
+///     .iter()
+///     .map(|c| PointMatch {
+///         keypoint: c.keypoint,
+///         landmark: c.landmark,
+///         point_in_world: point(c.landmark),
+///         point_covariance: Matrix3::identity() * 1e-4,
+///         seen_from: Vector3::zeros(),
+///         pixel_ideal: pixels[c.keypoint],
+///         sigma_px: 0.5,
+///         quality: c.quality,
+///     })
+///     .collect();
+/// let places = poses(&pinhole, &matches, &PoseOptions::default())?;
+/// assert_eq!(places.len(), 1);
+/// assert!(places[0].world_from_camera.translation.norm() < 0.01);
+/// # Ok::<(), place_recognition::PlaceError>(())
+/// ```
 pub fn poses(
     pinhole: &Pinhole,
     matches: &[PointMatch],

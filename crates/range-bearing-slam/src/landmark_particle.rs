@@ -53,6 +53,43 @@ impl<const D: usize, const K: usize> LandmarkParticle<D, K> {
 /// The map update for known association: appends the final pose to the path, updates the measured
 /// landmarks that the particle holds and starts the others. O(n log16 M) for n measurements and M
 /// landmarks.
+///
+/// ```
+/// use nalgebra::{Vector2, Vector3};
+/// use range_bearing_slam::{
+///     Deviation, ExtendedLandmarks, ExtendedProposal, Frame, LandmarkMapping, LandmarkParticle,
+///     Linearisation, ObservationModel, Propagation, RangeBearing, Unicycle,
+/// };
+/// use rbpf_core::{FilterConfig, NoRejuvenation, ParticleFilter, ParticleSet, Streams};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let sensor = RangeBearing::new(0.1, 0.02); // standard deviations in metres and radians
+/// let noise = Deviation { fixed: 0.01, share: 0.1 };
+/// let motion = Unicycle {
+///     speed: noise,
+///     turn_rate: noise,
+///     floor: [1e-3; 3],
+///     propagation: Propagation::Jacobians,
+/// };
+/// let linearisation = Linearisation::Sequential;
+/// let proposal = ExtendedProposal { motion, sensor, linearisation };
+/// let mapping = LandmarkMapping { sensor, filter: ExtendedLandmarks };
+///
+/// let start = LandmarkParticle::<3, 2>::new(Vector3::zeros());
+/// let set = ParticleSet::new(vec![start; 20])?;
+/// let mut filter = ParticleFilter::new(set, Streams::new(1), FilterConfig::default())?;
+/// let tree = Vector2::new(4.0, 3.0);
+/// let measured = sensor.predict(&Vector3::zeros(), &tree).ok_or("not at the sensor")?;
+/// for time in 0..10 {
+///     let frame = Frame { control: vec![], measurements: vec![(7, measured)] };
+///     filter.step(time, &frame, &proposal, &NoRejuvenation, &mapping)?;
+/// }
+/// let best = &filter.set().particles()[filter.set().best()];
+/// let landmark = best.map.get(7).ok_or("in the map")?;
+/// assert!((landmark.position.mean - tree).norm() < 0.1);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LandmarkMapping<S, F> {
     /// The sensor.

@@ -130,6 +130,38 @@ impl StepReport {
 /// A particle set with its random streams, configuration and genealogy.
 ///
 /// [`ParticleFilter::step`] runs one frame. `P` is the particle, cheap to clone.
+///
+/// ```
+/// use rand::RngExt;
+/// use rand_chacha::ChaCha8Rng;
+/// use rand_distr::StandardNormal;
+/// use rbpf_core::{
+///     FilterConfig, NoMapUpdate, NoRejuvenation, ParticleFilter, ParticleSet, Proposal, Streams,
+/// };
+/// use std::convert::Infallible;
+///
+/// struct RandomWalk;
+///
+/// impl Proposal<f64, f64> for RandomWalk {
+///     type Error = Infallible;
+///
+///     fn propose(&self, x: &mut f64, z: &f64, rng: &mut ChaCha8Rng) -> Result<f64, Infallible> {
+///         *x += rng.sample::<f64, _>(StandardNormal);
+///         Ok(-0.5 * (z - *x).powi(2)) // log likelihood, up to a constant
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let set = ParticleSet::new(vec![0.0; 500])?;
+/// let mut filter = ParticleFilter::new(set, Streams::new(7), FilterConfig::default())?;
+/// for (frame, z) in (0..).zip([0.5, 1.0, 2.0]) {
+///     filter.step(frame, &z, &RandomWalk, &NoRejuvenation, &NoMapUpdate)?;
+/// }
+/// let mean = filter.set().weighted_mean(|x| *x)?;
+/// assert!((mean - 1.5).abs() < 0.2); // the Kalman filter says 1.5
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<P> {
     set: ParticleSet<P>,

@@ -1,23 +1,8 @@
-//! The vector instructions of this processor, found at run time, as a value that cannot be wrong.
+#![doc = include_str!("../README.md")]
 //!
-//! A kernel compiled for AVX2 or AVX-512 must not run on a processor without them. A [`SimdLevel`] exists only where its
-//! instructions do: the variants that need a check carry a proof that only this crate can make, so matching on a level
-//! is all the check a caller needs. Detection is that of the standard library
-//! ([`std::arch::is_x86_feature_detected!`]), which asks the processor and the operating system once in a program.
+//! ## Where to begin
 //!
-//! ```
-//! use simd_level::SimdLevel;
-//!
-//! let best = SimdLevel::best();
-//! assert_eq!(SimdLevel::available().last(), Some(best));
-//! println!("the kernels run on {best}");
-//! ```
-//!
-//! Use it for a handful of hand-written kernels at these three levels. It holds no vector types and knows no other
-//! instructions; a program that needs a finer choice asks the standard library itself.
-//!
-//! Know [`SimdLevel`], its constructors [`SimdLevel::best`] and [`SimdLevel::available`], and [`Detected`], the proof
-//! inside a level.
+//! [`SimdLevel`], its constructors [`SimdLevel::best`] and [`SimdLevel::available`], and [`Detected`], the proof inside a level.
 
 use std::fmt;
 
@@ -44,6 +29,14 @@ pub struct Detected<const BITS: usize>(());
 
 impl SimdLevel {
     /// The level with the widest vectors of this processor.
+    ///
+    /// ```
+    /// use simd_level::SimdLevel;
+    ///
+    /// let best = SimdLevel::best();
+    /// assert_eq!(SimdLevel::available().last(), Some(best));
+    /// println!("the kernels run on {best}");
+    /// ```
     #[must_use]
     pub fn best() -> Self {
         Self::available().last().unwrap_or(Self::Portable)
@@ -89,12 +82,6 @@ impl fmt::Display for SimdLevel {
         })
     }
 }
-
-/// Compiles and runs the code of the README.
-#[doc = include_str!("../README.md")]
-#[cfg(doctest)]
-#[derive(Debug)]
-pub struct ReadmeDoctests;
 
 #[cfg(test)]
 mod tests {

@@ -36,6 +36,47 @@ const OPEN_DEPTHS: f64 = 10.0;
 /// # Errors
 /// [`BatchError`] for a problem that fails [`Problem::check`], has no landmark seen twice, or whose odometry or rig the
 /// geometry refuses. A limit reached is no error: see [`Solution::converged`].
+///
+/// ```
+/// use mono_geometry::{Camera, Distortion, Mount, Pinhole, Se2};
+/// use slam_batch::{Keyframe, Model, Problem, Sighting, Track, solve};
+/// use slam_pipeline::config::Config;
+/// use slam_pipeline::{OdometryInterval, Rig};
+/// use nalgebra::Vector3;
+///
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 320.0, cy: 240.0 };
+/// let rig = Rig { camera: Camera::new(pinhole, Distortion::None)?, mount: Mount::forward() };
+/// // Three keyframes, 0.5 m apart by the odometry.
+/// let row = OdometryInterval { duration_s: 1.0, v_mps: 0.5, omega_radps: 0.0 };
+/// let keyframes = (0..3)
+///     .map(|k| Keyframe {
+///         start: Se2::new(0.5 * f64::from(k), 0.0, 0.0),
+///         motion: (k > 0).then(|| vec![row]),
+///     })
+///     .collect();
+/// // Landmarks ahead, seen from places that the wheels tell a little wrong.
+/// let truth = [0.0, 0.51, 0.99];
+/// let tracks = (0..20_u32)
+///     .map(|landmark| {
+///         let i = f64::from(landmark);
+///         let point = Vector3::new(4.0 + (2.0 * i).sin(), (3.0 * i).sin(), (5.0 * i).cos());
+///         let seen = |(keyframe, x): (usize, &f64)| {
+///             let q = Vector3::new(-point.y, -point.z, point.x - x);
+///             Sighting { keyframe, pixel: rig.camera.project(&q).expect("in front") }
+///         };
+///         Track { landmark, sightings: truth.iter().enumerate().map(seen).collect() }
+///     })
+///     .collect();
+/// let mut config = Config::default();
+/// config.odometry.forward_per_sqrt_m = 0.03;
+/// let model = Model::of(&config.check()?);
+/// let solution = solve(&Problem { rig, keyframes, tracks, model })?;
+/// assert!(solution.converged);
+/// // The wheels tell the length of the way, the images its middle.
+/// let middle = solution.poses[1].pose.x / solution.poses[2].pose.x;
+/// assert!((middle - 0.51 / 0.99).abs() < 2e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
     problem.check()?;
     let layout = Layout::new(problem);

@@ -1,35 +1,10 @@
-//! Files of a monocular SLAM run: sequences and camera calibrations in, trajectories, maps and
-//! tables out.
+#![doc = include_str!("../README.md")]
 //!
-//! [`Sequence::open`] reads and checks a sequence folder, [`write_run`] writes every result of a run
-//! and [`read_run`] reads it back; [`read_calibration`] and [`calibration_text`] convert between
-//! `camera.toml`, Kalibr, OpenCV, ROS and others; [`read_tum`] reads trajectories; [`configuration`] is the
-//! TOML form of [`slam_pipeline::config::Config`].
+//! ## Where to begin
 //!
-//! Use it to feed [`slam_pipeline::Slam`] from disk and to keep what it
-//! found. A robot that holds its images in memory and sends its poses elsewhere needs none of it.
-//!
-//! ```
-//! use slam_io::{CalibrationRequest, CameraFormat, calibration_text, read_calibration};
-//!
-//! let folder = std::env::temp_dir().join(format!("slam-io-front-page-{}", std::process::id()));
-//! std::fs::create_dir_all(&folder)?;
-//! let kalibr = folder.join("camchain.yaml");
-//! std::fs::write(&kalibr, "cam0:\n  camera_model: pinhole\n  intrinsics: [458.6, 457.3, 367.2, 248.4]\n  \
-//!     distortion_model: none\n  distortion_coeffs: []\n  resolution: [752, 480]\n")?;
-//! // Recognised by its contents, written as the `camera.toml` of a sequence folder.
-//! let camera = read_calibration(&kalibr, &CalibrationRequest::default())?.camera;
-//! assert_eq!((camera.width, camera.fx), (752, 458.6));
-//! assert!(calibration_text(&camera, CameraFormat::Toml)?.contains("fx = 458.6"));
-//! # std::fs::remove_dir_all(&folder)?;
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
-//!
-//! A fault of the input is one sentence with the file, the line, what was expected and what was
-//! found. Results appear whole or not at all.
-//!
-//! The three types to know are [`Sequence`] (a checked folder), [`CameraFile`] (a calibration,
-//! whoever wrote it) and [`RunRecord`] (everything that a finished run knows).
+//! [`Sequence::open`] reads and checks a sequence folder, [`write_run`] writes every result of a run and [`read_run`] reads it
+//! back; [`read_calibration`] and [`calibration_text`] convert between `camera.toml`, Kalibr, OpenCV, ROS and others;
+//! [`read_tum`] reads trajectories; [`configuration`] is the TOML form of [`slam_pipeline::config::Config`].
 
 mod calibration;
 mod camera;
@@ -73,8 +48,3 @@ pub use text::read_text;
 pub use trajectory::{Trajectory, read_trajectory};
 pub use tum::read_tum;
 pub use warning::Warning;
-
-/// Compiles and runs the code of the README.
-#[doc = include_str!("../README.md")]
-#[cfg(doctest)]
-pub struct ReadmeDoctests;

@@ -43,6 +43,21 @@ impl AbsoluteError {
 ///
 /// # Errors
 /// [`EvaluationError`] when no poses match in time or the alignment is not determined.
+///
+/// ```
+/// use trajectory_eval::{Alignment, StampedPose, absolute_error};
+///
+/// let path = |y: f64| -> Vec<StampedPose> {
+///     (0..10).map(|k| StampedPose::planar(0.1 * k as f64, k as f64, y, 0.0)).collect()
+/// };
+/// // The estimate runs 3 cm beside the reference.
+/// let error = absolute_error(&path(0.03), &path(0.0), Alignment::None)?;
+/// assert!((error.translation_m.rmse - 0.03).abs() < 1e-12);
+/// // A planar alignment removes exactly that.
+/// let error = absolute_error(&path(0.03), &path(0.0), Alignment::Se2)?;
+/// assert!(error.translation_m.rmse < 1e-12);
+/// # Ok::<(), trajectory_eval::EvaluationError>(())
+/// ```
 pub fn absolute_error(
     estimate: &[StampedPose],
     reference: &[StampedPose],

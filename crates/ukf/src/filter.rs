@@ -27,6 +27,36 @@ use crate::transform::Images;
 use crate::update::correct;
 
 /// A Gaussian state and its sigma points.
+///
+/// ```
+/// use nalgebra::{Matrix2, Vector1, Vector2, Matrix1};
+/// use ukf::{SigmaPoints, Ukf, chi_square_quantile};
+///
+/// # fn main() -> Result<(), ukf::UkfError> {
+/// // Position and speed along a line; the distance to a mast 10 m beside its origin is measured.
+/// let mut filter = Ukf::new(Vector2::new(0.0, 1.0), Matrix2::identity(), SigmaPoints::default())?;
+/// filter.predict(&(Matrix2::identity() * 0.01), |x| Vector2::new(x[0] + x[1], x[1]))?;
+/// let distance = Vector1::new(10.1);
+/// let told = filter.update(&distance, &Matrix1::new(0.01), |x| Vector1::new(x[0].hypot(10.0)))?;
+/// assert!(told.nis < chi_square_quantile(1.0, 0.99)?);
+/// assert!(filter.covariance()[(0, 0)] < 2.0);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// ```
+/// use nalgebra::Matrix1;
+/// use std::f64::consts::PI;
+/// use ukf::{Angle, SigmaPoints, Ukf};
+///
+/// # fn main() -> Result<(), ukf::UkfError> {
+/// let mut heading = Ukf::new(Angle::new(-2.0), Matrix1::new(PI * PI), SigmaPoints::default())?;
+/// heading.update(&Angle::new(0.5), &Matrix1::new(0.01), |x| *x)?;
+/// assert!((heading.mean().radians() - 0.5).abs() < 0.003);
+/// assert!((heading.covariance()[0].sqrt() - 0.1).abs() < 1e-3);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ukf<X, const L: usize> {
     mean: X,

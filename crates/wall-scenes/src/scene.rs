@@ -20,6 +20,25 @@ use nalgebra::{Isometry3, Point3};
 use std::borrow::Cow;
 
 /// A built scene: geometry, the true path, the odometry. Skins are painted apart.
+///
+/// ```
+/// use wall_scenes::{Scene, SceneSpec};
+///
+/// // The first experiment of the paper, shortened: a textured wall 2 m to the left of a straight path.
+/// let scene = Scene::new(SceneSpec { frames: 3, ..SceneSpec::wall(7) })?;
+///
+/// // The truth costs no rendering: the world point behind a pixel, and where the next frame sees it.
+/// let point = scene.point_at(0, 160.0, 120.0).ok_or("nothing there")?;
+/// assert!((point.y - 2.0).abs() < 0.5);
+/// let [u, _] = scene.project(1, &point).ok_or("out of the image")?;
+/// assert!(u < 160.0, "the wall moves to the left");
+///
+/// // Images need the skins, which are painted once a scene.
+/// let skins = scene.skins();
+/// let image = scene.render(&skins, 0);
+/// assert_eq!((image.width, image.height), (320, 240));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(crate) spec: SceneSpec,

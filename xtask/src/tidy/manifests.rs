@@ -37,6 +37,10 @@ const FLOORS: [&[&str]; 9] = [
 const PROGRAM_FLOOR: usize = 6;
 /// Crates that depend on none of ours, though they could: tooling compiles before everything else.
 const ALONE: [&str; 1] = ["xtask"];
+/// Licence texts that every published crate carries, equal to those of the workspace.
+const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+/// The line by which a library shows its README as its front page, and compiles the code in it.
+const FRONT_PAGE: &str = "#![doc = include_str!(\"../README.md\")]";
 /// Keys every manifest takes from the workspace.
 const INHERITED: [&str; 4] = ["version", "edition", "rust-version", "license"];
 
@@ -70,6 +74,9 @@ pub(crate) fn violations(root: &Path, metadata: &Value) -> anyhow::Result<Vec<St
         let folder = manifest.parent().unwrap_or(root);
         if folder.parent() == Some(&root.join("crates")) {
             found.extend(missing_parts(name, package, folder));
+            if package["publish"].is_null() {
+                found.extend(not_publishable(name, root, folder));
+            }
         }
     }
     Ok(found)
@@ -134,6 +141,26 @@ fn missing_parts(name: &str, package: &Value, folder: &Path) -> Vec<String> {
     found
 }
 
+/// A licence that is missing or differs, and a library whose README is not its front page.
+fn not_publishable(name: &str, root: &Path, folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for licence in LICENCES {
+        let ours = fs::read(root.join(licence)).ok();
+        if ours.is_none() || fs::read(folder.join(licence)).ok() != ours {
+            found.push(format!(
+                "{name}: {licence} is not that of the workspace (copy it into the crate)"
+            ));
+        }
+    }
+    let library = fs::read_to_string(folder.join("src/lib.rs")).unwrap_or_default();
+    if !library.is_empty() && library.matches(FRONT_PAGE).count() != 1 {
+        found.push(format!(
+            "{name}: src/lib.rs has to hold `{FRONT_PAGE}` once"
+        ));
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,6 +206,14 @@ mod tests {
             not_inherited("a", &good.replace("[lints]", "[features]")).len(),
             1
         );
+    }
+
+    #[test]
+    fn a_crate_without_licences_and_front_page_cannot_be_published() {
+        let root = crate::workspace_root();
+        assert!(not_publishable("ukf", &root, &root.join("crates/ukf")).is_empty());
+        let found = not_publishable("xtask", &root, &root.join("xtask"));
+        assert_eq!(found.len(), 2, "{found:?}");
     }
 
     #[test]

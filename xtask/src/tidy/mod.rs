@@ -17,7 +17,8 @@ mod stats;
 
 use crate::fixtures;
 use anyhow::bail;
-use metadata::metadata;
+pub(crate) use metadata::{metadata, packages, text};
+pub(crate) use sources::paths;
 use std::path::Path;
 
 /// Checks everything in the workspace at `root`.

@@ -1,8 +1,10 @@
-//! Rules for files: module comment, length, leftovers, machine paths, and doc comments that open with a noun.
+//! Rules for files: module comment, length, leftovers, machine paths, doc comments that open with a noun, and no build
+//! products under version control.
 
 use anyhow::Context;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Longest allowed source file, lines.
 const MOST_LINES: usize = 600;
@@ -11,6 +13,20 @@ const SKIPPED: [&str; 3] = ["target", ".git", "out"];
 /// Ends of the names of text files that are read.
 const TEXT: [&str; 9] = [
     "rs", "toml", "md", "yml", "json", "txt", "csv", "html", "run",
+];
+/// The first line of a library whose front page is its README.
+const FRONT_PAGE: &str = "#![doc = include_str!(\"../README.md\")]";
+/// Ends of the names of files that a compiler or a run makes.
+const PRODUCTS: [&str; 9] = [
+    "o",
+    "a",
+    "so",
+    "d",
+    "rlib",
+    "rmeta",
+    "crate",
+    "checkpoint",
+    "profraw",
 ];
 /// Forbidden in Rust code; in two halves, so that this file does not hold it.
 const LEFTOVERS: [[&str; 2]; 4] = [
@@ -33,6 +49,7 @@ const MACHINE_PATHS: [[&str; 2]; 4] = [
 /// A folder or file cannot be read.
 pub(crate) fn violations(root: &Path) -> anyhow::Result<Vec<String>> {
     let mut found = Vec::new();
+    found.extend(committed(root).iter().filter_map(|file| product(file)));
     for file in paths(root)?.iter().filter(|path| is_text(path)) {
         let bytes =
             fs::read(root.join(file)).with_context(|| format!("cannot read {}", file.display()))?;
@@ -40,6 +57,30 @@ pub(crate) fn violations(root: &Path) -> anyhow::Result<Vec<String>> {
         found.extend(in_file(&name, &String::from_utf8_lossy(&bytes)));
     }
     Ok(found)
+}
+
+/// The files under version control; none where git does not say.
+fn committed(root: &Path) -> Vec<String> {
+    let output = Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(root)
+        .output();
+    let listed = output.map(|output| output.stdout).unwrap_or_default();
+    String::from_utf8_lossy(&listed)
+        .split_terminator('\0')
+        .map(str::to_owned)
+        .collect()
+}
+
+/// A committed file that a build or a run made.
+fn product(file: &str) -> Option<String> {
+    let mut parts = file.split('/');
+    let name = parts.next_back().unwrap_or_default();
+    let made = name
+        .rsplit_once('.')
+        .is_some_and(|(_, end)| PRODUCTS.contains(&end));
+    (made || parts.any(|folder| folder == "target"))
+        .then(|| format!("{file}: a product of a build or a run is committed"))
 }
 
 /// Whether a file is read, by the end of its name.
@@ -53,7 +94,8 @@ fn in_file(name: &str, content: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut patterns: Vec<String> = MACHINE_PATHS.iter().map(|halves| halves.concat()).collect();
     if name.ends_with(".rs") {
-        if !content.starts_with("//!") {
+        let front_page = name.ends_with("src/lib.rs") && content.starts_with(FRONT_PAGE);
+        if !content.starts_with("//!") && !front_page {
             found.push(format!("{name}: the first line is no `//!` module comment"));
         }
         let lines = content.lines().count();
@@ -120,9 +162,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn products_are_known_by_folder_and_end() {
+        for file in [
+            "target/debug/a.txt",
+            "crates/ukf/target/x",
+            "a/b.rlib",
+            "run.checkpoint",
+            "c.o",
+        ] {
+            assert!(product(file).is_some(), "{file}");
+        }
+        for file in [
+            "docs/formats/checkpoint.md",
+            "crates/ukf/src/target.rs",
+            "fixtures/logs/wall.bag",
+            "LICENSE",
+        ] {
+            assert_eq!(product(file), None, "{file}");
+        }
+    }
+
+    #[test]
     fn each_rule_finds_its_violation_and_nothing_else() {
         assert!(in_file("a.rs", "//! Good.\nfn f() {}\n").is_empty());
         assert_eq!(in_file("a.rs", "fn f() {}\n").len(), 1);
+        let page = format!("{FRONT_PAGE}\n");
+        assert!(in_file("crates/a/src/lib.rs", &page).is_empty());
+        assert_eq!(in_file("crates/a/src/b.rs", &page).len(), 1);
         assert_eq!(
             in_file("a.rs", &format!("//! Long.\n{}", "\n".repeat(600))).len(),
             1

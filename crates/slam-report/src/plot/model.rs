@@ -3,6 +3,15 @@
 use super::colour::Colour;
 
 /// One plot: its frame and what is drawn in it, first layer at the bottom.
+///
+/// ```
+/// use slam_report::{Colour, Layer, Plot};
+///
+/// let parabola = (0..50).map(|k| (f64::from(k), f64::from(k * k))).collect();
+/// let mut plot = Plot::new("Parabola", "x", "y");
+/// plot.layers.push(Layer::line("square", Colour::Blue, parabola));
+/// assert!(plot.to_svg_file().starts_with("<svg"));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// Subject of the plot, for screen readers and for a file of its own.

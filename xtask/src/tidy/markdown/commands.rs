@@ -8,12 +8,13 @@ use std::fs;
 use std::path::Path;
 
 /// Tasks of `cargo xtask`.
-const TASKS: [&str; 7] = [
+const TASKS: [&str; 8] = [
     "scene",
     "board",
     "fixtures",
     "synth-eval",
     "tidy",
+    "package",
     "ci",
     "help",
 ];
