@@ -12,8 +12,8 @@ use criterion::{
     BatchSize, BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main,
 };
 use feature_kdtree::{
-    Descriptor, DescriptorIndex, ExactScan, KdForest, KdForestParams, match_descriptors,
-    match_mutual,
+    Descriptor, DescriptorIndex, ExactScan, Hamming, KdForest, KdForestParams, LinearScan,
+    SquaredEuclidean, match_descriptors, match_mutual,
 };
 use scene::Scene;
 use simd_level::SimdLevel;
@@ -60,6 +60,33 @@ fn two_nearest(criterion: &mut Criterion) {
         let forest = fill(forest(), &descriptors);
         report_recall(entries, &forest, &scan, &queries);
         run(&mut group, "forest", entries, &forest, &queries);
+    }
+    group.finish();
+}
+
+/// The scan of any descriptor: ORB's 256 bits and 64 floats, ten thousand of each.
+fn linear_scan(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("linear_scan_of_10000");
+    group.sample_size(10);
+    let (descriptors, queries) = data(10_000);
+    let floats = |d: &Descriptor| -> [f32; 64] { std::array::from_fn(|i| f32::from(d[i])) };
+    let bits = |d: &Descriptor| -> [u8; 32] { std::array::from_fn(|i| d[i] ^ d[i + 64]) };
+    for level in SimdLevel::available() {
+        let mut of_floats = LinearScan::<[f32; 64], SquaredEuclidean>::with_level(level);
+        let mut of_bits = LinearScan::<[u8; 32], Hamming>::with_level(level);
+        for (id, descriptor) in (0..).zip(&descriptors) {
+            of_floats.insert(id, &floats(descriptor)).expect("finite");
+            of_bits
+                .insert(id, &bits(descriptor))
+                .expect("ids are unique");
+        }
+        let (float, bit) = (floats(&queries[0]), bits(&queries[0]));
+        group.bench_function(BenchmarkId::new("floats", level), |b| {
+            b.iter(|| of_floats.nearest(black_box(&float), 2));
+        });
+        group.bench_function(BenchmarkId::new("bits", level), |b| {
+            b.iter(|| of_bits.nearest(black_box(&bit), 2));
+        });
     }
     group.finish();
 }
@@ -178,5 +205,5 @@ fn matching(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, two_nearest, growth, matching);
+criterion_group!(benches, two_nearest, linear_scan, growth, matching);
 criterion_main!(benches);

@@ -13,7 +13,7 @@
 //! Degenerate cases are those of the two indexes.
 
 use crate::inverted_lists::{InvertedLists, InvertedListsParams};
-use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, TwoNearest};
+use crate::{Descriptor, DescriptorIndex, ExactScan, IndexError, Neighbour, TwoNearest};
 
 /// Entries at which a scan begins to become lists.
 const MOVES_AT: usize = 4000;
@@ -80,12 +80,11 @@ impl AutoIndex {
     /// # Errors
     /// None in practice: those of inserting the present entries into an empty index.
     pub fn rebuild(&mut self) -> Result<(), IndexError> {
-        let mut entries = match &self.0 {
+        let entries = match &self.0 {
             State::Scan(scan) => scan.entries(),
             State::Moving(moving) => moving.scan.entries(),
             State::Lists(lists) => lists.entries(),
         };
-        entries.sort_unstable_by_key(|&(id, _)| id);
         *self = Self::new();
         for (id, descriptor) in &entries {
             self.insert(*id, descriptor)?;
@@ -125,7 +124,7 @@ impl AutoIndex {
                 }
             }
             State::Lists(lists) if lists.len() < RETURNS_BELOW => {
-                self.0 = State::Scan(lists.entries().into_iter().collect());
+                self.0 = State::Scan(lists.unordered_entries().into_iter().collect());
             }
             State::Scan(_) | State::Lists(_) => {}
         }
@@ -202,6 +201,18 @@ impl DescriptorIndex for AutoIndex {
 
     fn two_nearest_batch(&self, queries: &[Descriptor], found: &mut Vec<Option<TwoNearest>>) {
         self.answering().two_nearest_batch(queries, found);
+    }
+
+    fn nearest(&self, query: &Descriptor, k: usize) -> Vec<Neighbour> {
+        self.answering().nearest(query, k)
+    }
+
+    fn within(&self, query: &Descriptor, radius_squared: u32) -> Vec<Neighbour> {
+        self.answering().within(query, radius_squared)
+    }
+
+    fn entries(&self) -> Vec<(u32, Descriptor)> {
+        self.answering().entries()
     }
 
     fn len(&self) -> usize {

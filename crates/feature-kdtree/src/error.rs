@@ -38,6 +38,14 @@ pub enum IndexError {
         /// The greatest value allowed.
         most: usize,
     },
+    /// A component of a float descriptor is NaN or infinite.
+    #[error("component {component} of the descriptor is {value}, a finite number required")]
+    NotFinite {
+        /// The position of the component, from 0.
+        component: usize,
+        /// Its value.
+        value: f32,
+    },
     /// A stored index that breaks the named rule.
     #[error("stored index: {0}")]
     Stored(&'static str),

@@ -15,7 +15,7 @@ use std::borrow::Borrow;
 use simd_level::SimdLevel;
 
 use crate::id_map::IdMap;
-use crate::index::BestTwo;
+use crate::index::{BestTwo, Neighbour};
 use crate::row_block::PreparedQuery;
 use crate::row_scan;
 use crate::rows::Rows;
@@ -91,9 +91,29 @@ impl ExactScan {
     }
 
     /// All entries, in the order of the rows.
-    pub(crate) fn entries(&self) -> Vec<(u32, Descriptor)> {
+    pub(crate) fn unordered_entries(&self) -> Vec<(u32, Descriptor)> {
         let rows = 0..self.rows.len();
         rows.map(|row| (self.rows.ids()[row], self.rows.descriptor(row)))
+            .collect()
+    }
+}
+
+impl ExactScan {
+    /// The entries within a squared distance, in the order of the rows.
+    fn neighbours(&self, query: &Descriptor, at_most: u32) -> Vec<Neighbour> {
+        let mut distances = Vec::with_capacity(self.rows.len());
+        row_scan::distances(
+            &self.rows,
+            self.level,
+            &PreparedQuery::new(query),
+            &mut distances,
+        );
+        let all = distances.into_iter().zip(self.rows.ids());
+        all.filter(|(distance_squared, _)| *distance_squared <= at_most)
+            .map(|(distance_squared, &id)| Neighbour {
+                distance_squared,
+                id,
+            })
             .collect()
     }
 }
@@ -192,6 +212,28 @@ impl DescriptorIndex for ExactScan {
             row_scan::two_nearest_batch(&self.rows, self.level, &prepared, members, &mut best);
             found.extend(best.iter().map(|best| best.finish()));
         }
+    }
+
+    fn nearest(&self, query: &Descriptor, k: usize) -> Vec<Neighbour> {
+        let mut found = self.neighbours(query, u32::MAX);
+        if k > 0 && k < found.len() {
+            found.select_nth_unstable(k - 1);
+        }
+        found.truncate(k);
+        found.sort_unstable();
+        found
+    }
+
+    fn within(&self, query: &Descriptor, radius_squared: u32) -> Vec<Neighbour> {
+        let mut found = self.neighbours(query, radius_squared);
+        found.sort_unstable();
+        found
+    }
+
+    fn entries(&self) -> Vec<(u32, Descriptor)> {
+        let mut entries = self.unordered_entries();
+        entries.sort_unstable_by_key(|&(id, _)| id);
+        entries
     }
 
     fn len(&self) -> usize {

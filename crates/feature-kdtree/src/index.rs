@@ -60,6 +60,48 @@ pub trait DescriptorIndex {
         found.extend(queries.iter().map(|query| self.two_nearest(query)));
     }
 
+    /// The `k` entries nearest to the query, the nearest first; fewer where there are fewer.
+    ///
+    /// An approximate index may miss some, as it may miss one of two; whatever it gives has its exact distance.
+    fn nearest(&self, query: &Descriptor, k: usize) -> Vec<Neighbour> {
+        let mut found: Vec<Neighbour> = Vec::new();
+        let mut known: Vec<u32> = Vec::new();
+        while found.len() < k {
+            let Some(two) = self.two_nearest_where(query, &|id| known.binary_search(&id).is_err())
+            else {
+                break;
+            };
+            found.push(two.first);
+            found.extend(two.second);
+            known = found.iter().map(|neighbour| neighbour.id).collect();
+            known.sort_unstable();
+        }
+        found.sort_unstable();
+        found.truncate(k);
+        found
+    }
+
+    /// The entries at a squared distance of at most `radius_squared`, the nearest first.
+    ///
+    /// An approximate index may miss some, as [`DescriptorIndex::nearest`].
+    fn within(&self, query: &Descriptor, radius_squared: u32) -> Vec<Neighbour> {
+        let mut k = 8;
+        loop {
+            let mut found = self.nearest(query, k);
+            let beyond = found
+                .last()
+                .is_some_and(|last| last.distance_squared > radius_squared);
+            if beyond || k >= self.len() {
+                found.retain(|neighbour| neighbour.distance_squared <= radius_squared);
+                return found;
+            }
+            k = k.saturating_mul(4);
+        }
+    }
+
+    /// All entries, by ascending id.
+    fn entries(&self) -> Vec<(u32, Descriptor)>;
+
     /// The descriptor of an entry; `None` when the id is not present.
     fn descriptor(&self, id: u32) -> Option<Descriptor>;
 

@@ -28,6 +28,7 @@ use crate::index::BestTwo;
 use crate::near_rows::{Collector, scan_near};
 use crate::row_block::PreparedQuery;
 use crate::row_scan;
+use crate::smallest::Smallest;
 use crate::{Descriptor, DescriptorIndex, IndexError, Neighbour, TwoNearest};
 
 /// Centroids that a cell of the upper storey holds.
@@ -190,7 +191,7 @@ impl InvertedLists {
     }
 
     /// All entries, in no particular order.
-    pub(crate) fn entries(&self) -> Vec<(u32, Descriptor)> {
+    pub(crate) fn unordered_entries(&self) -> Vec<(u32, Descriptor)> {
         self.lists.entries()
     }
 }
@@ -258,12 +259,80 @@ impl DescriptorIndex for InvertedLists {
         }
     }
 
+    fn nearest(&self, query: &Descriptor, k: usize) -> Vec<Neighbour> {
+        let k = k.min(self.lists.len());
+        if k == 0 {
+            return Vec::new();
+        }
+        let query = [PreparedQuery::new(query)];
+        let mut probes = self.probes();
+        loop {
+            let mut smallest = Smallest::new(k, 1);
+            self.lists.scan_nearest(&query, probes, |rows, members| {
+                scan_near(self.level, rows, &query, members, &mut smallest);
+            });
+            let keys = smallest.sorted(0);
+            if keys.len() == k || probes >= self.lists.cell_count() {
+                return keys.into_iter().map(neighbour).collect();
+            }
+            probes = probes.saturating_mul(4);
+        }
+    }
+
+    fn within(&self, query: &Descriptor, radius_squared: u32) -> Vec<Neighbour> {
+        let query = [PreparedQuery::new(query)];
+        let mut within = Within {
+            radius_squared,
+            keys: Vec::new(),
+        };
+        self.lists
+            .scan_nearest(&query, self.probes(), |rows, members| {
+                scan_near(self.level, rows, &query, members, &mut within);
+            });
+        within.keys.sort_unstable();
+        within.keys.into_iter().map(neighbour).collect()
+    }
+
+    fn entries(&self) -> Vec<(u32, Descriptor)> {
+        let mut entries = self.unordered_entries();
+        entries.sort_unstable_by_key(|&(id, _)| id);
+        entries
+    }
+
     fn len(&self) -> usize {
         self.lists.len()
     }
 
     fn memory_usage(&self) -> usize {
         self.lists.memory_usage()
+    }
+}
+
+/// The neighbour of a key, distance over id.
+fn neighbour(key: u64) -> Neighbour {
+    Neighbour {
+        distance_squared: (key >> 32) as u32,
+        id: key as u32,
+    }
+}
+
+/// The keys of all rows within a distance of one query.
+#[derive(Debug, Clone)]
+struct Within {
+    radius_squared: u32,
+    keys: Vec<u64>,
+}
+
+impl Collector for Within {
+    fn limit(&self, _: u32) -> u32 {
+        self.radius_squared
+    }
+
+    fn take(&mut self, _: u32, distance_squared: u32, id: u32) {
+        if distance_squared <= self.radius_squared {
+            self.keys
+                .push(u64::from(distance_squared) << 32 | u64::from(id));
+        }
     }
 }
 
@@ -281,10 +350,6 @@ impl TwoKeys {
     };
 
     fn finish(self) -> Option<TwoNearest> {
-        let neighbour = |key: u64| Neighbour {
-            distance_squared: (key >> 32) as u32,
-            id: key as u32,
-        };
         let found = |key: u64| (key != u64::MAX).then(|| neighbour(key));
         Some(TwoNearest {
             first: found(self.first)?,

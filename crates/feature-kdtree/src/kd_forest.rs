@@ -167,7 +167,7 @@ impl KdForest {
     /// Two forests with equal parameters and entries answer equally after it, and go on doing so under equal
     /// changes, whatever their histories were. It costs as much as inserting all entries.
     pub fn rebuild(&mut self) {
-        let mut entries = self.entries.entries();
+        let mut entries = self.entries.unordered_entries();
         entries.sort_unstable_by_key(|&(id, _)| id);
         self.entries = entries.into_iter().collect();
         for place in 0..self.trees.len() {
@@ -324,6 +324,10 @@ impl DescriptorIndex for KdForest {
         accept: &dyn Fn(u32) -> bool,
     ) -> Option<TwoNearest> {
         self.search(query, accept)
+    }
+
+    fn entries(&self) -> Vec<(u32, Descriptor)> {
+        self.entries.entries()
     }
 
     fn len(&self) -> usize {

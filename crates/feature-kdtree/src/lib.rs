@@ -4,7 +4,8 @@
 //!
 //! [`DescriptorIndex`] is the question: insert, remove, find the two nearest of one query or of a batch. [`AutoIndex`] is the
 //! answer to start with, [`ExactScan`] the exact one and the reference for [`InvertedLists`] and [`KdForest`].
-//! [`match_descriptors`] matches queries to an index, [`match_mutual`] two frames to each other.
+//! [`match_descriptors`] matches queries to an index, [`match_mutual`] two frames to each other. [`LinearScan`] under a [`Metric`]
+//! ([`SquaredEuclidean`], [`Hamming`]) is for all other descriptors.
 //!
 //! ## Inside
 //!
@@ -25,7 +26,9 @@ mod index;
 mod inverted_lists;
 mod kd_forest;
 mod kd_tree;
+mod linear_scan;
 mod matching;
+mod metric;
 mod near_rows;
 mod row_block;
 mod row_scan;
@@ -48,4 +51,7 @@ pub use exact_scan::ExactScan;
 pub use index::{DescriptorIndex, Neighbour, TwoNearest};
 pub use inverted_lists::{InvertedLists, InvertedListsParams};
 pub use kd_forest::{KdForest, KdForestParams};
+pub use linear_scan::{Found, LinearScan, Matched};
 pub use matching::{Match, match_descriptors, match_mutual};
+pub use metric::{Distance, Hamming, Metric, SquaredEuclidean};
+pub use simd_level::SimdLevel;

@@ -8,6 +8,7 @@
 //! This is the only module of the crate with `unsafe` code: the calls that enter code compiled for a level, and the loads
 //! and stores of whole vectors inside.
 
+mod any_length;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -89,6 +90,60 @@ pub(crate) fn near(
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a level exists only where its instructions do.
         SimdLevel::Avx512(_) => unsafe { avx512::near(run, queries, limits, near) },
+    }
+}
+
+/// Appends the squared Euclidean distances of byte descriptors of any length.
+pub(crate) fn squared_of_bytes<const N: usize>(
+    level: SimdLevel,
+    query: &[u8; N],
+    rows: &[[u8; N]],
+    out: &mut Vec<u32>,
+) {
+    match level {
+        SimdLevel::Portable => any_length::squared_of_bytes(query, rows, out),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx2(_) => unsafe { any_length::avx2::squared_of_bytes(query, rows, out) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx512(_) => unsafe { any_length::avx512::squared_of_bytes(query, rows, out) },
+    }
+}
+
+/// Appends the squared Euclidean distances of float descriptors of any length.
+pub(crate) fn squared_of_floats<const N: usize>(
+    level: SimdLevel,
+    query: &[f32; N],
+    rows: &[[f32; N]],
+    out: &mut Vec<f32>,
+) {
+    match level {
+        SimdLevel::Portable => any_length::squared_of_floats(query, rows, out),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx2(_) => unsafe { any_length::avx2::squared_of_floats(query, rows, out) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx512(_) => unsafe { any_length::avx512::squared_of_floats(query, rows, out) },
+    }
+}
+
+/// Appends the Hamming distances of binary descriptors of any length.
+pub(crate) fn differing_bits<const N: usize>(
+    level: SimdLevel,
+    query: &[u8; N],
+    rows: &[[u8; N]],
+    out: &mut Vec<u32>,
+) {
+    match level {
+        SimdLevel::Portable => any_length::differing_bits(query, rows, out),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx2(_) => unsafe { any_length::avx2::differing_bits(query, rows, out) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a level exists only where its instructions do.
+        SimdLevel::Avx512(_) => unsafe { any_length::avx512::differing_bits(query, rows, out) },
     }
 }
 

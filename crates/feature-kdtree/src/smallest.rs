@@ -58,6 +58,15 @@ impl Smallest {
         visits
     }
 
+    /// The smallest keys of one query, ascending.
+    pub(crate) fn sorted(mut self, query: usize) -> Vec<u64> {
+        self.select(query);
+        let start = self.room * query;
+        let mut keys = self.keys[start..start + self.queries[query].count].to_vec();
+        keys.sort_unstable();
+        keys
+    }
+
     fn select(&mut self, query: usize) {
         let state = &mut self.queries[query];
         if state.count > self.wanted {

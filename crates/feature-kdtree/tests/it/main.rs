@@ -4,6 +4,7 @@
 
 mod exact_scan;
 mod inverted_lists;
+mod linear_scan;
 mod matching;
 mod oracle;
 mod recall;
