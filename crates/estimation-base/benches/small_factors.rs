@@ -4,14 +4,16 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use estimation_base::{Cholesky, Manifold, Se2, wrap};
+use estimation_base::{CholeskyFactor, Manifold, Se2, wrap};
 use nalgebra::{SMatrix, SVector};
 
 fn factor_and_solve<const N: usize>(criterion: &mut Criterion) {
     let matrix = SMatrix::<f64, N, N>::from_fn(|i, j| if i == j { 2.0 } else { 0.1 });
     let right = SVector::<f64, N>::from_fn(|i, _| i as f64);
     criterion.bench_function(&format!("factor and solve {N}x{N}"), |bencher| {
-        bencher.iter(|| Cholesky::definite(black_box(&matrix)).map(|factor| factor.solve(&right)));
+        bencher.iter(|| {
+            CholeskyFactor::definite(black_box(&matrix)).map(|factor| factor.solve(&right))
+        });
     });
 }
 

@@ -2,7 +2,7 @@
 //! whitened by a Cholesky factor, and a chi-square gate.
 
 use estimation_base::{
-    Angle, Cholesky, CholeskyError, Manifold, Se2, chi_square_quantile, symmetric,
+    Angle, CholeskyError, CholeskyFactor, Manifold, Se2, chi_square_quantile, symmetric,
 };
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let predicted = predict(&pose, &beacon);
     let h = jacobian(&pose, &beacon);
     let innovation_covariance = symmetric(&(h * pose_covariance * h.transpose() + noise));
-    let factor = Cholesky::definite(&innovation_covariance)?;
+    let factor = CholeskyFactor::definite(&innovation_covariance)?;
     let gate = chi_square_quantile(2.0, 0.99)?;
     for (range, bearing) in [(4.1, -3.1), (4.0, 3.0), (5.5, 3.1)] {
         let measured = RangeBearing {
@@ -80,7 +80,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // a covariance that is none: the error says where and by how much
     let wrong = Matrix2::new(1.0, 2.0, 2.0, 1.0);
-    if let Err(error @ CholeskyError::NotPositiveDefinite { .. }) = Cholesky::definite(&wrong) {
+    if let Err(error @ CholeskyError::NotPositiveDefinite { .. }) = CholeskyFactor::definite(&wrong)
+    {
         println!("{error}");
     }
     Ok(())

@@ -3,11 +3,10 @@
 //! Headings are compared, averaged and stored in (-pi, pi]. The difference of two headings is `wrap(a - b)`; the mean of
 //! several is `wrap(reference + sum w wrap(x - reference))` about a reference close to all of them.
 
-use core::f64::consts::{PI, TAU};
-
 use nalgebra::SVector;
 
 use crate::manifold::Manifold;
+use crate::real::Real;
 
 /// The representative of an angle in (-pi, pi], radians.
 ///
@@ -15,15 +14,16 @@ use crate::manifold::Manifold;
 /// in the float sense, so the error is that of the input times the number of turns taken out (2.4e-16 rad per turn, the
 /// error of 2 pi itself). O(1).
 #[must_use]
-pub fn wrap(angle: f64) -> f64 {
-    if angle > -PI && angle <= PI {
+pub fn wrap<T: Real>(angle: T) -> T {
+    let (half_turn, turn) = (T::pi(), T::two_pi());
+    if angle > -half_turn && angle <= half_turn {
         return angle;
     }
-    let remainder = angle % TAU;
-    if remainder > PI {
-        remainder - TAU
-    } else if remainder <= -PI {
-        remainder + TAU
+    let remainder = angle % turn;
+    if remainder > half_turn {
+        remainder - turn
+    } else if remainder <= -half_turn {
+        remainder + turn
     } else {
         remainder
     }
@@ -31,14 +31,14 @@ pub fn wrap(angle: f64) -> f64 {
 
 /// An angle in radians that is always in (-pi, pi]: a heading or a bearing as a state of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Angle {
-    radians: f64,
+pub struct Angle<T> {
+    radians: T,
 }
 
-impl Angle {
+impl<T: Real> Angle<T> {
     /// The angle of any number of radians, wrapped. NaN and infinities become NaN.
     #[must_use]
-    pub fn new(radians: f64) -> Self {
+    pub fn new(radians: T) -> Self {
         Self {
             radians: wrap(radians),
         }
@@ -46,17 +46,17 @@ impl Angle {
 
     /// The angle in radians, in (-pi, pi].
     #[must_use]
-    pub const fn radians(self) -> f64 {
+    pub fn radians(self) -> T {
         self.radians
     }
 }
 
-impl Manifold<1> for Angle {
-    fn retract(&self, tangent: &SVector<f64, 1>) -> Self {
+impl<T: Real> Manifold<1, T> for Angle<T> {
+    fn retract(&self, tangent: &SVector<T, 1>) -> Self {
         Self::new(self.radians + tangent[0])
     }
 
-    fn local(&self, other: &Self) -> SVector<f64, 1> {
-        SVector::<f64, 1>::new(wrap(other.radians - self.radians))
+    fn local(&self, other: &Self) -> SVector<T, 1> {
+        SVector::<T, 1>::new(wrap(other.radians - self.radians))
     }
 }

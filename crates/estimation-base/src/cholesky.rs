@@ -2,16 +2,15 @@
 //!
 //! A pivot is the variance left in row k once the rows before it are known. It is compared with the rounding of its own
 //! computation, N eps P_kk: a pivot above that is a variance, one within it is zero, one below is negative.
-//! [`Cholesky::definite`] accepts the first only; [`Cholesky::semidefinite`] accepts zero too, with a zero column, for
+//! [`CholeskyFactor::definite`] accepts the first only; [`CholeskyFactor::semidefinite`] accepts zero too, with a zero column, for
 //! covariances that are points in some direction (a pose just drawn). The test does not depend on the units of the
 //! variables. Only the lower triangle is read; [`check_symmetric`] compares it with the upper one. O(N^3 / 6)
 //! multiplications.
 
-use core::f64::consts::TAU;
-
 use nalgebra::{ComplexField, Dim, RawStorage, SMatrix, SVector, SquareMatrix, StorageMut};
 
 use crate::readable::Readable;
+use crate::real::Real;
 
 /// Why a matrix is no covariance. A library above adds which covariance it was and in which step.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -78,7 +77,7 @@ pub enum CholeskyError {
 /// The lower triangular factor L of a symmetric positive (semi-)definite matrix P = L L^T.
 ///
 /// ```
-/// use estimation_base::{Cholesky, Manifold, Se2, chi_square_quantile};
+/// use estimation_base::{CholeskyFactor, Manifold, Se2, chi_square_quantile};
 /// use nalgebra::{Matrix3, Vector3};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -87,22 +86,22 @@ pub enum CholeskyError {
 /// let error = estimated.local(&true_pose);
 ///
 /// let covariance = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 0.01));
-/// let squared_distance = Cholesky::definite(&covariance)?.mahalanobis_squared(&error);
+/// let squared_distance = CholeskyFactor::definite(&covariance)?.mahalanobis_squared(&error);
 /// assert!(squared_distance < chi_square_quantile(3.0, 0.99)?);
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cholesky<const N: usize> {
-    lower: SMatrix<f64, N, N>,
+pub struct CholeskyFactor<T, const N: usize> {
+    lower: SMatrix<T, N, N>,
 }
 
-impl<const N: usize> Cholesky<N> {
+impl<T: Real, const N: usize> CholeskyFactor<T, N> {
     /// Factorises a positive definite matrix; only its lower triangle is read.
     ///
     /// # Errors
     /// [`CholeskyError::NotFinite`], [`CholeskyError::NotPositiveDefinite`] with the pivot.
-    pub fn definite(matrix: &SMatrix<f64, N, N>) -> Result<Self, CholeskyError> {
+    pub fn definite(matrix: &SMatrix<T, N, N>) -> Result<Self, CholeskyError> {
         Self::factorised(matrix, false)
     }
 
@@ -112,7 +111,7 @@ impl<const N: usize> Cholesky<N> {
     /// # Errors
     /// [`CholeskyError::NotFinite`], [`CholeskyError::NotPositiveDefinite`] for a pivot below zero by more than rounding,
     /// [`CholeskyError::CovarianceWithoutVariance`] for a zero one that cannot be.
-    pub fn semidefinite(matrix: &SMatrix<f64, N, N>) -> Result<Self, CholeskyError> {
+    pub fn semidefinite(matrix: &SMatrix<T, N, N>) -> Result<Self, CholeskyError> {
         Self::factorised(matrix, true)
     }
 
@@ -120,12 +119,12 @@ impl<const N: usize> Cholesky<N> {
     ///
     /// # Errors
     /// [`CholeskyError::NotFinite`], or [`CholeskyError::NotPositiveDefinite`] for a negative diagonal entry.
-    pub fn from_lower(lower: &SMatrix<f64, N, N>) -> Result<Self, CholeskyError> {
+    pub fn from_lower(lower: &SMatrix<T, N, N>) -> Result<Self, CholeskyError> {
         check_finite_lower(lower)?;
-        match (0..N).find(|&k| lower[(k, k)] < 0.0) {
+        match (0..N).find(|&k| lower[(k, k)] < T::zero()) {
             Some(pivot) => Err(CholeskyError::NotPositiveDefinite {
                 pivot,
-                value: lower[(pivot, pivot)],
+                value: lower[(pivot, pivot)].into(),
                 required: 0.0,
             }),
             None => Ok(Self {
@@ -136,25 +135,25 @@ impl<const N: usize> Cholesky<N> {
 
     /// The factor L, lower triangular.
     #[must_use]
-    pub const fn lower(&self) -> &SMatrix<f64, N, N> {
+    pub const fn lower(&self) -> &SMatrix<T, N, N> {
         &self.lower
     }
 
     /// The matrix, L L^T.
     #[must_use]
-    pub fn product(&self) -> SMatrix<f64, N, N> {
+    pub fn product(&self) -> SMatrix<T, N, N> {
         self.lower * self.lower.transpose()
     }
 
     /// P^-1 B by two triangular solves. Not finite if the matrix was only semidefinite.
     #[must_use]
-    pub fn solve<const K: usize>(&self, right: &SMatrix<f64, N, K>) -> SMatrix<f64, N, K> {
+    pub fn solve<const K: usize>(&self, right: &SMatrix<T, N, K>) -> SMatrix<T, N, K> {
         self.solve_transposed(&self.whiten(right))
     }
 
     /// L^-1 B, the whitened right-hand side. Not finite if the matrix was only semidefinite.
     #[must_use]
-    pub fn whiten<const K: usize>(&self, right: &SMatrix<f64, N, K>) -> SMatrix<f64, N, K> {
+    pub fn whiten<const K: usize>(&self, right: &SMatrix<T, N, K>) -> SMatrix<T, N, K> {
         let mut x = *right;
         for row in 0..N {
             for column in 0..K {
@@ -170,10 +169,7 @@ impl<const N: usize> Cholesky<N> {
 
     /// L^-T B. Not finite if the matrix was only semidefinite.
     #[must_use]
-    pub fn solve_transposed<const K: usize>(
-        &self,
-        right: &SMatrix<f64, N, K>,
-    ) -> SMatrix<f64, N, K> {
+    pub fn solve_transposed<const K: usize>(&self, right: &SMatrix<T, N, K>) -> SMatrix<T, N, K> {
         let mut x = *right;
         for row in (0..N).rev() {
             for column in 0..K {
@@ -189,25 +185,25 @@ impl<const N: usize> Cholesky<N> {
 
     /// d^T P^-1 d, the squared Mahalanobis length of `difference`.
     #[must_use]
-    pub fn mahalanobis_squared(&self, difference: &SVector<f64, N>) -> f64 {
+    pub fn mahalanobis_squared(&self, difference: &SVector<T, N>) -> T {
         self.whiten(difference).norm_squared()
     }
 
     /// log det P; minus infinity if the matrix was only semidefinite.
     #[must_use]
-    pub fn log_determinant(&self) -> f64 {
+    pub fn log_determinant(&self) -> T {
         let logarithms = (0..N).map(|row| ComplexField::ln(self.lower[(row, row)]));
-        2.0 * logarithms.sum::<f64>()
+        T::of(2.0) * logarithms.fold(T::zero(), |sum, one| sum + one)
     }
 
     /// log N(d; 0, P), the log density of the Gaussian of covariance P at `difference`.
     #[must_use]
-    pub fn log_density(&self, difference: &SVector<f64, N>) -> f64 {
-        let normaliser = self.log_determinant() + N as f64 * ComplexField::ln(TAU);
-        -0.5 * (self.mahalanobis_squared(difference) + normaliser)
+    pub fn log_density(&self, difference: &SVector<T, N>) -> T {
+        let normaliser = self.log_determinant() + T::of(N as f64) * ComplexField::ln(T::two_pi());
+        T::of(-0.5) * (self.mahalanobis_squared(difference) + normaliser)
     }
 
-    fn factorised(matrix: &SMatrix<f64, N, N>, zero_allowed: bool) -> Result<Self, CholeskyError> {
+    fn factorised(matrix: &SMatrix<T, N, N>, zero_allowed: bool) -> Result<Self, CholeskyError> {
         let mut lower = matrix.lower_triangle();
         factorise(&mut lower, zero_allowed)?;
         Ok(Self { lower })
@@ -219,9 +215,9 @@ impl<const N: usize> Cholesky<N> {
 /// blocked: meant for some tens of rows.
 ///
 /// # Errors
-/// As [`Cholesky::definite`]; the lower triangle then holds the columns of the factor before the failing pivot.
-pub fn cholesky_in_place<D: Dim, S: StorageMut<f64, D, D>>(
-    matrix: &mut SquareMatrix<f64, D, S>,
+/// As [`CholeskyFactor::definite`]; the lower triangle then holds the columns of the factor before the failing pivot.
+pub fn cholesky_in_place<T: Real, D: Dim, S: StorageMut<T, D, D>>(
+    matrix: &mut SquareMatrix<T, D, S>,
 ) -> Result<(), CholeskyError> {
     factorise(matrix, false)
 }
@@ -233,8 +229,8 @@ pub fn cholesky_in_place<D: Dim, S: StorageMut<f64, D, D>>(
 ///
 /// # Errors
 /// [`CholeskyError::NotSymmetric`], or [`CholeskyError::NotFinite`].
-pub fn check_symmetric<D: Dim, S: RawStorage<f64, D, D>>(
-    matrix: &SquareMatrix<f64, D, S>,
+pub fn check_symmetric<T: Real, D: Dim, S: RawStorage<T, D, D>>(
+    matrix: &SquareMatrix<T, D, S>,
 ) -> Result<(), CholeskyError> {
     for row in 0..matrix.nrows() {
         for column in 0..=row {
@@ -242,12 +238,12 @@ pub fn check_symmetric<D: Dim, S: RawStorage<f64, D, D>>(
                 check_finite(row, column, matrix[(row, column)])?;
             }
             let difference = matrix[(row, column)] - matrix[(column, row)];
-            let scale = (matrix[(row, row)] * matrix[(column, column)]).abs();
-            if difference * difference > f64::EPSILON * scale {
+            let scale = ComplexField::abs(matrix[(row, row)] * matrix[(column, column)]);
+            if difference * difference > T::EPSILON * scale {
                 return Err(CholeskyError::NotSymmetric {
                     row,
                     column,
-                    difference,
+                    difference: difference.into(),
                 });
             }
         }
@@ -257,18 +253,19 @@ pub fn check_symmetric<D: Dim, S: RawStorage<f64, D, D>>(
 
 /// (A + A^T) / 2.
 #[must_use]
-pub fn symmetric<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-    (matrix + matrix.transpose()) * 0.5
+pub fn symmetric<T: Real, const N: usize>(matrix: &SMatrix<T, N, N>) -> SMatrix<T, N, N> {
+    (matrix + matrix.transpose()) * T::of(0.5)
 }
 
-fn factorise<D: Dim, S: StorageMut<f64, D, D>>(
-    matrix: &mut SquareMatrix<f64, D, S>,
+fn factorise<T: Real, D: Dim, S: StorageMut<T, D, D>>(
+    matrix: &mut SquareMatrix<T, D, S>,
     zero_allowed: bool,
 ) -> Result<(), CholeskyError> {
     check_finite_lower(matrix)?;
     let size = matrix.nrows();
     for column in 0..size {
-        let rounding = size as f64 * f64::EPSILON * matrix[(column, column)].abs();
+        let rounding =
+            T::of(size as f64) * T::EPSILON * ComplexField::abs(matrix[(column, column)]);
         let pivot = remainder(matrix, column, column);
         let zero = zero_allowed && pivot >= -rounding;
         if pivot > rounding {
@@ -281,23 +278,23 @@ fn factorise<D: Dim, S: StorageMut<f64, D, D>>(
             // In a semidefinite matrix the rest of the column is zero, by Schwarz up to the root of the two roundings.
             for row in column + 1..size {
                 let rest = remainder(matrix, row, column);
-                let square = 4.0 * rounding * matrix[(row, row)].abs();
+                let square = T::of(4.0) * rounding * ComplexField::abs(matrix[(row, row)]);
                 if rest * rest > square {
                     return Err(CholeskyError::CovarianceWithoutVariance {
                         pivot: column,
                         row,
-                        value: rest,
-                        at_most: ComplexField::sqrt(square),
+                        value: rest.into(),
+                        at_most: ComplexField::sqrt(square).into(),
                     });
                 }
-                matrix[(row, column)] = 0.0;
+                matrix[(row, column)] = T::zero();
             }
-            matrix[(column, column)] = 0.0;
+            matrix[(column, column)] = T::zero();
         } else {
             return Err(CholeskyError::NotPositiveDefinite {
                 pivot: column,
-                value: pivot,
-                required: if zero_allowed { -rounding } else { rounding },
+                value: pivot.into(),
+                required: if zero_allowed { -rounding } else { rounding }.into(),
             });
         }
     }
@@ -305,11 +302,11 @@ fn factorise<D: Dim, S: StorageMut<f64, D, D>>(
 }
 
 /// The entry of the matrix less what the columns already found explain.
-fn remainder<D: Dim, S: RawStorage<f64, D, D>>(
-    matrix: &SquareMatrix<f64, D, S>,
+fn remainder<T: Real, D: Dim, S: RawStorage<T, D, D>>(
+    matrix: &SquareMatrix<T, D, S>,
     row: usize,
     column: usize,
-) -> f64 {
+) -> T {
     let mut sum = matrix[(row, column)];
     for before in 0..column {
         sum -= matrix[(row, before)] * matrix[(column, before)];
@@ -317,8 +314,8 @@ fn remainder<D: Dim, S: RawStorage<f64, D, D>>(
     sum
 }
 
-fn check_finite_lower<D: Dim, S: RawStorage<f64, D, D>>(
-    matrix: &SquareMatrix<f64, D, S>,
+fn check_finite_lower<T: Real, D: Dim, S: RawStorage<T, D, D>>(
+    matrix: &SquareMatrix<T, D, S>,
 ) -> Result<(), CholeskyError> {
     for column in 0..matrix.nrows() {
         for row in column..matrix.nrows() {
@@ -328,10 +325,14 @@ fn check_finite_lower<D: Dim, S: RawStorage<f64, D, D>>(
     Ok(())
 }
 
-fn check_finite(row: usize, column: usize, value: f64) -> Result<(), CholeskyError> {
+fn check_finite<T: Real>(row: usize, column: usize, value: T) -> Result<(), CholeskyError> {
     if value.is_finite() {
         Ok(())
     } else {
-        Err(CholeskyError::NotFinite { row, column, value })
+        Err(CholeskyError::NotFinite {
+            row,
+            column,
+            value: value.into(),
+        })
     }
 }

@@ -12,6 +12,7 @@ use nalgebra::{ComplexField, Matrix3, Vector2, Vector3};
 
 use crate::angle::wrap;
 use crate::manifold::Manifold;
+use crate::real::Real;
 use crate::series::{sinc, versine_over_x, versine_over_x2, x_minus_sin_over_x3};
 
 /// A pose or motion in the plane; metres and radians.
@@ -20,16 +21,16 @@ use crate::series::{sinc, versine_over_x, versine_over_x2, x_minus_sin_over_x3};
 /// tangent names, `self * exp(tangent)`, and `local` finds the arc, `log(self^-1 * other)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Se2 {
+pub struct Se2<T> {
     /// Translation along x, metres.
-    pub x: f64,
+    pub x: T,
     /// Translation along y, metres.
-    pub y: f64,
+    pub y: T,
     /// Rotation, radians. Any finite value is legal; every operation here returns it in (-pi, pi].
-    pub phi: f64,
+    pub phi: T,
 }
 
-impl Se2 {
+impl<T: Real> Se2<T> {
     /// The motion that does nothing.
     #[must_use]
     pub fn identity() -> Self {
@@ -38,7 +39,7 @@ impl Se2 {
 
     /// A motion from its translation and rotation; the rotation is wrapped.
     #[must_use]
-    pub fn new(x: f64, y: f64, phi: f64) -> Self {
+    pub fn new(x: T, y: T, phi: T) -> Self {
         Self {
             x,
             y,
@@ -48,7 +49,7 @@ impl Se2 {
 
     /// Motion of a twist (vx, vy, w) held for unit time; metres, metres, radians. O(1).
     #[must_use]
-    pub fn exp(twist: &Vector3<f64>) -> Self {
+    pub fn exp(twist: &Vector3<T>) -> Self {
         let sine = sinc(twist.z);
         let versine = versine_over_x(twist.z);
         Self::new(
@@ -60,9 +61,9 @@ impl Se2 {
 
     /// The twist with |w| <= pi whose [`Self::exp`] is this motion. Defined everywhere, also at half a turn. O(1).
     #[must_use]
-    pub fn log(&self) -> Vector3<f64> {
+    pub fn log(&self) -> Vector3<T> {
         let phi = wrap(self.phi);
-        let half = 0.5 * phi;
+        let half = T::of(0.5) * phi;
         // (phi / 2) cot(phi / 2): |phi| <= pi keeps the sinc at or above 2 / pi.
         let cotangent = ComplexField::cos(half) / sinc(half);
         Vector3::new(
@@ -98,7 +99,7 @@ impl Se2 {
 
     /// Maps a point.
     #[must_use]
-    pub fn act(&self, point: &Vector2<f64>) -> Vector2<f64> {
+    pub fn act(&self, point: &Vector2<T>) -> Vector2<T> {
         let (sine, cosine) = ComplexField::sin_cos(self.phi);
         Vector2::new(
             cosine * point.x - sine * point.y + self.x,
@@ -108,24 +109,30 @@ impl Se2 {
 
     /// Adjoint: exp(Ad twist) = self * exp(twist) * self^-1. For a covariance in the tangent: Ad P Ad^T.
     #[must_use]
-    pub fn adjoint(&self) -> Matrix3<f64> {
+    pub fn adjoint(&self) -> Matrix3<T> {
         let (sine, cosine) = ComplexField::sin_cos(self.phi);
         Matrix3::new(
-            cosine, -sine, self.y, //
-            sine, cosine, -self.x, //
-            0.0, 0.0, 1.0,
+            cosine,
+            -sine,
+            self.y, //
+            sine,
+            cosine,
+            -self.x, //
+            T::zero(),
+            T::zero(),
+            T::one(),
         )
     }
 
     /// Left Jacobian: exp(twist + d) = exp(J_l d) exp(twist) to first order in d.
     #[must_use]
-    pub fn left_jacobian(twist: &Vector3<f64>) -> Matrix3<f64> {
+    pub fn left_jacobian(twist: &Vector3<T>) -> Matrix3<T> {
         Self::right_jacobian(&-twist)
     }
 
     /// Right Jacobian: exp(twist + d) = exp(twist) exp(J_r d) to first order in d.
     #[must_use]
-    pub fn right_jacobian(twist: &Vector3<f64>) -> Matrix3<f64> {
+    pub fn right_jacobian(twist: &Vector3<T>) -> Matrix3<T> {
         let w = twist.z;
         let sine = sinc(w);
         let versine = versine_over_x(w);
@@ -139,18 +146,18 @@ impl Se2 {
             -versine,
             sine,
             twist.x * versine2 + twist.y * remainder,
-            0.0,
-            0.0,
-            1.0,
+            T::zero(),
+            T::zero(),
+            T::one(),
         )
     }
 
     /// Inverse of [`Self::right_jacobian`]; exists for |w| < 2 pi, which covers every value of [`Self::log`].
     #[must_use]
-    pub fn right_jacobian_inverse(twist: &Vector3<f64>) -> Matrix3<f64> {
+    pub fn right_jacobian_inverse(twist: &Vector3<T>) -> Matrix3<T> {
         let w = twist.z;
         // The upper left block is sinc(w / 2) times the rotation by -w / 2.
-        let half = 0.5 * w;
+        let half = T::of(0.5) * w;
         let cotangent = ComplexField::cos(half) / sinc(half);
         let versine2 = versine_over_x2(w);
         let remainder = w * x_minus_sin_over_x3(w);
@@ -163,25 +170,25 @@ impl Se2 {
             half,
             cotangent,
             -half * bx - cotangent * by,
-            0.0,
-            0.0,
-            1.0,
+            T::zero(),
+            T::zero(),
+            T::one(),
         )
     }
 
     /// Inverse of [`Self::left_jacobian`]; exists for |w| < 2 pi.
     #[must_use]
-    pub fn left_jacobian_inverse(twist: &Vector3<f64>) -> Matrix3<f64> {
+    pub fn left_jacobian_inverse(twist: &Vector3<T>) -> Matrix3<T> {
         Self::right_jacobian_inverse(&-twist)
     }
 }
 
-impl Manifold<3> for Se2 {
-    fn retract(&self, tangent: &Vector3<f64>) -> Self {
+impl<T: Real> Manifold<3, T> for Se2<T> {
+    fn retract(&self, tangent: &Vector3<T>) -> Self {
         self.compose(&Self::exp(tangent))
     }
 
-    fn local(&self, other: &Self) -> Vector3<f64> {
+    fn local(&self, other: &Self) -> Vector3<T> {
         self.between(other).log()
     }
 }

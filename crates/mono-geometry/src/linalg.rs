@@ -218,7 +218,7 @@ pub fn lstsq(matrix: &DMatrix<f64>, b: &DVector<f64>) -> Result<LeastSquares, Ge
 pub(crate) fn cholesky<const N: usize>(
     matrix: &SMatrix<f64, N, N>,
 ) -> Result<Cholesky<f64, Const<N>>, GeometryError> {
-    let factor = estimation_base::Cholesky::definite(matrix)?;
+    let factor = estimation_base::CholeskyFactor::definite(matrix)?;
     Ok(Cholesky::pack_dirty(*factor.lower()))
 }
 

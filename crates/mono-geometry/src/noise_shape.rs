@@ -18,7 +18,7 @@
 //!
 //! [`Camera::undistort_with_shape`] gives pixel and shape together; [`NoiseShape::ROUND`] is the shape without a lens.
 
-use estimation_base::{Cholesky, symmetric};
+use estimation_base::{CholeskyFactor, symmetric};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 use crate::camera::Camera;
@@ -45,7 +45,7 @@ impl NoiseShape {
     /// # Errors
     /// [`GeometryError::NotPositiveDefinite`].
     pub fn from_covariance(covariance: &Matrix2<f64>) -> Result<Self, GeometryError> {
-        let factor = Cholesky::definite(covariance)?;
+        let factor = CholeskyFactor::definite(covariance)?;
         Ok(Self {
             bent: Some((factor.whiten(&Matrix2::identity()), Vector2::zeros())),
         })

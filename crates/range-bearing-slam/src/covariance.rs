@@ -1,16 +1,16 @@
 //! Cholesky factors of covariances; an error names the covariance that has none.
 
 use crate::error::RangeBearingError;
-use estimation_base::{Cholesky, CholeskyError, check_symmetric};
+use estimation_base::{CholeskyError, CholeskyFactor, check_symmetric};
 use nalgebra::SMatrix;
 
 /// Factorises a positive definite covariance; `what` names it in an error.
 pub(crate) fn definite<const N: usize>(
     covariance: &SMatrix<f64, N, N>,
     what: &'static str,
-) -> Result<Cholesky<N>, RangeBearingError> {
+) -> Result<CholeskyFactor<N>, RangeBearingError> {
     named(
-        check_symmetric(covariance).and_then(|()| Cholesky::definite(covariance)),
+        check_symmetric(covariance).and_then(|()| CholeskyFactor::definite(covariance)),
         what,
     )
 }
@@ -20,17 +20,17 @@ pub(crate) fn definite<const N: usize>(
 pub(crate) fn semidefinite<const N: usize>(
     covariance: &SMatrix<f64, N, N>,
     what: &'static str,
-) -> Result<Cholesky<N>, RangeBearingError> {
+) -> Result<CholeskyFactor<N>, RangeBearingError> {
     named(
-        check_symmetric(covariance).and_then(|()| Cholesky::semidefinite(covariance)),
+        check_symmetric(covariance).and_then(|()| CholeskyFactor::semidefinite(covariance)),
         what,
     )
 }
 
 fn named<const N: usize>(
-    factor: Result<Cholesky<N>, CholeskyError>,
+    factor: Result<CholeskyFactor<N>, CholeskyError>,
     what: &'static str,
-) -> Result<Cholesky<N>, RangeBearingError> {
+) -> Result<CholeskyFactor<N>, RangeBearingError> {
     factor.map_err(|reason| RangeBearingError::Covariance { what, reason })
 }
 

@@ -9,7 +9,7 @@ use crate::frame::check_measurement;
 use crate::innovation::{checked_noise, linearise, sample};
 use crate::models::{Gaussian, InverseObservation, ObservationJacobians};
 use crate::spread::Spread;
-use estimation_base::{Cholesky, symmetric};
+use estimation_base::{CholeskyFactor, symmetric};
 use nalgebra::{SMatrix, SVector};
 
 /// A landmark after a measurement, and the fit of the measurement.
@@ -169,7 +169,7 @@ where
 /// The posterior, checked, with the fit of an innovation whose covariance has this factor.
 fn updated<const K: usize, const M: usize>(
     posterior: Gaussian<K>,
-    factor: &Cholesky<M>,
+    factor: &CholeskyFactor<M>,
     innovation: &SVector<f64, M>,
 ) -> Result<LandmarkUpdate<K>, RangeBearingError> {
     Ok(LandmarkUpdate {

@@ -7,7 +7,7 @@
 use crate::covariance::semidefinite;
 use crate::error::RangeBearingError;
 use crate::models::Gaussian;
-use estimation_base::Cholesky;
+use estimation_base::CholeskyFactor;
 use nalgebra::{SMatrix, SVector};
 use ukf::{SigmaPoints, Transformed, unscented_transform};
 
@@ -15,7 +15,7 @@ use ukf::{SigmaPoints, Transformed, unscented_transform};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spread<const L: usize> {
     pub(crate) mean: SVector<f64, L>,
-    pub(crate) root: Cholesky<L>,
+    pub(crate) root: CholeskyFactor<L>,
 }
 
 impl<const L: usize> Spread<L> {

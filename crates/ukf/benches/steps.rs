@@ -4,7 +4,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{SMatrix, SVector};
 use std::hint::black_box;
-use ukf::{Cholesky, SigmaPoints, SquareRootUkf, Ukf};
+use ukf::{CholeskyFactor, SigmaPoints, SquareRootUkf, Ukf};
 
 /// Each state drifts with the next one's sine: every entry of the covariance fills.
 fn drift<const L: usize>(x: &SVector<f64, L>) -> SVector<f64, L> {
@@ -24,10 +24,10 @@ fn step<const L: usize, const M: usize>(
     let start = SVector::<f64, L>::from_fn(|k, _| 0.1 * k as f64);
     let z = see::<L, M>(&start);
     let mut plain = Ukf::new(start, SMatrix::identity(), SigmaPoints::default())?;
-    let root = Cholesky::definite(&SMatrix::identity())?;
+    let root = CholeskyFactor::definite(&SMatrix::identity())?;
     let mut square_root = SquareRootUkf::new(start, root, SigmaPoints::default())?;
-    let q_root = Cholesky::definite(&q)?;
-    let r_root = Cholesky::definite(&r)?;
+    let q_root = CholeskyFactor::definite(&q)?;
+    let r_root = CholeskyFactor::definite(&r)?;
 
     criterion.bench_function(&format!("plain {L} states {M} measurements"), |bencher| {
         bencher.iter(|| {

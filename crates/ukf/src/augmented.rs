@@ -13,7 +13,8 @@
 //! see of f's curvature. No point moves state and noise together, so products of the two
 //! are not seen: for x (1 + w) the variance comes out as P + m^2 Q, without the P Q of the exact one.
 
-use estimation_base::{Cholesky, Manifold};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{Manifold, Real};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 use crate::covariance::covariance_root;
@@ -27,22 +28,22 @@ use crate::transform::{Transformed, mean_of_points};
 
 /// Scaled sigma points for a state of dimension L with noise of dimension W.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AugmentedPoints<const L: usize, const W: usize> {
+pub struct AugmentedPoints<T, const L: usize, const W: usize> {
     /// The points that move the state, as a set of their own: its pairs, not its centre, are in L dimensions what they are here.
-    state: SigmaPoints<L>,
-    distance: f64,
-    mean_weight_of_centre: f64,
-    covariance_weight_of_centre: f64,
-    weight: f64,
+    state: SigmaPoints<T, L>,
+    distance: T,
+    mean_weight_of_centre: T,
+    covariance_weight_of_centre: T,
+    weight: T,
 }
 
-impl<const L: usize, const W: usize> AugmentedPoints<L, W> {
+impl<T: Real, const L: usize, const W: usize> AugmentedPoints<T, L, W> {
     /// The scaled set in L + W dimensions; parameters as for [`crate::SigmaPoints::scaled`].
     ///
     /// # Errors
     /// [`UkfError::InvalidSpread`] if alpha^2 (L + W + kappa) is not positive and finite, or
     /// beta is not finite.
-    pub fn scaled(alpha: f64, beta: f64, kappa: f64) -> Result<Self, UkfError> {
+    pub fn scaled(alpha: T, beta: T, kappa: T) -> Result<Self, UkfError> {
         let weights = axis_weights(L + W, alpha, beta, kappa)?;
         Ok(Self {
             state: SigmaPoints::at_distance(weights.distance),
@@ -55,15 +56,15 @@ impl<const L: usize, const W: usize> AugmentedPoints<L, W> {
 }
 
 /// alpha 1, beta 2, kappa 3 - L - W: spread sqrt(3), as for [`crate::SigmaPoints`].
-impl<const L: usize, const W: usize> Default for AugmentedPoints<L, W> {
+impl<T: Real, const L: usize, const W: usize> Default for AugmentedPoints<T, L, W> {
     fn default() -> Self {
-        let dimension = (L + W) as f64;
+        let dimension = T::of((L + W) as f64);
         Self {
             state: SigmaPoints::default(),
-            distance: ComplexField::sqrt(3.0),
-            mean_weight_of_centre: 1.0 - dimension / 3.0,
-            covariance_weight_of_centre: 3.0 - dimension / 3.0,
-            weight: 1.0 / 6.0,
+            distance: ComplexField::sqrt(T::of(3.0)),
+            mean_weight_of_centre: T::one() - dimension / T::of(3.0),
+            covariance_weight_of_centre: T::of(3.0) - dimension / T::of(3.0),
+            weight: T::of(1.0 / 6.0),
         }
     }
 }
@@ -73,26 +74,26 @@ impl<const L: usize, const W: usize> Default for AugmentedPoints<L, W> {
 ///
 /// # Errors
 /// As [`crate::unscented_transform`], for either covariance.
-pub fn augmented_transform<X, Y, const L: usize, const W: usize, const M: usize>(
+pub fn augmented_transform<T: Real, X, Y, const L: usize, const W: usize, const M: usize>(
     mean: &X,
-    covariance: &SMatrix<f64, L, L>,
-    noise: &SMatrix<f64, W, W>,
-    points: &AugmentedPoints<L, W>,
-    mut function: impl FnMut(&X, &SVector<f64, W>) -> Y,
-) -> Result<Transformed<Y, L, M>, UkfError>
+    covariance: &SMatrix<T, L, L>,
+    noise: &SMatrix<T, W, W>,
+    points: &AugmentedPoints<T, L, W>,
+    mut function: impl FnMut(&X, &SVector<T, W>) -> Y,
+) -> Result<Transformed<T, Y, L, M>, UkfError>
 where
-    X: Manifold<L>,
-    Y: Manifold<M>,
+    X: Manifold<L, T>,
+    Y: Manifold<M, T>,
 {
     let state = covariance_root(covariance, Step::SigmaPoints)?;
     let noise = covariance_root(noise, Step::SigmaPoints)?;
     let images = Images::new(mean, &state, &noise, points, &mut function)?;
-    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
-    let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
+    let mut image_covariance = SMatrix::<T, M, M>::zeros();
+    let mut cross_covariance = SMatrix::<T, L, M>::zeros();
     for index in 0..images.count() {
         let (z, x, weight) = images.deviation(index);
-        image_covariance.ger(weight, &z, &z, 1.0);
-        cross_covariance.ger(weight, &x, &z, 1.0);
+        image_covariance.ger(weight, &z, &z, T::one());
+        cross_covariance.ger(weight, &x, &z, T::one());
     }
     Ok(Transformed {
         mean: images.mean,
@@ -102,11 +103,11 @@ where
 }
 
 /// The values of a function at the augmented points, and their mean.
-struct Images<'a, Y, const L: usize, const W: usize, const M: usize> {
-    state: Placed<'a, L>,
-    points: AugmentedPoints<L, W>,
+struct Images<'a, T, Y, const L: usize, const W: usize, const M: usize> {
+    state: Placed<'a, T, L>,
+    points: AugmentedPoints<T, L, W>,
     /// Share of the centre that the state's points took when they moved in.
-    shift: f64,
+    shift: T,
     mean: Y,
     centre: Y,
     ahead: [Y; L],
@@ -115,25 +116,27 @@ struct Images<'a, Y, const L: usize, const W: usize, const M: usize> {
     down: [Y; W],
 }
 
-impl<'a, Y: Manifold<M>, const L: usize, const W: usize, const M: usize> Images<'a, Y, L, W, M> {
-    fn new<X: Manifold<L>>(
+impl<'a, T: Real, Y: Manifold<M, T>, const L: usize, const W: usize, const M: usize>
+    Images<'a, T, Y, L, W, M>
+{
+    fn new<X: Manifold<L, T>>(
         mean: &X,
-        state_root: &'a Cholesky<L>,
-        noise_root: &Cholesky<W>,
-        points: &'a AugmentedPoints<L, W>,
-        function: &mut impl FnMut(&X, &SVector<f64, W>) -> Y,
+        state_root: &'a CholeskyFactor<T, L>,
+        noise_root: &CholeskyFactor<T, W>,
+        points: &'a AugmentedPoints<T, L, W>,
+        function: &mut impl FnMut(&X, &SVector<T, W>) -> Y,
     ) -> Result<Self, UkfError> {
         let state = Placed::new(mean, state_root.lower(), &points.state)?;
-        let none = SVector::<f64, W>::zeros();
+        let none = SVector::<T, W>::zeros();
         let centre = function(mean, &none);
         let mut state_at = |index: usize| function(&mean.retract(&state.tangent(index)), &none);
         let ahead: [Y; L] = core::array::from_fn(|k| state_at(k + 1));
         let behind: [Y; L] = core::array::from_fn(|k| state_at(k + 1 + L));
         let c = points.distance;
         let mut noise_at =
-            |j: usize, sign: f64| function(mean, &(noise_root.lower().column(j) * (sign * c)));
-        let up: [Y; W] = core::array::from_fn(|j| noise_at(j, 1.0));
-        let down: [Y; W] = core::array::from_fn(|j| noise_at(j, -1.0));
+            |j: usize, sign: T| function(mean, &(noise_root.lower().column(j) * (sign * c)));
+        let up: [Y; W] = core::array::from_fn(|j| noise_at(j, T::one()));
+        let down: [Y; W] = core::array::from_fn(|j| noise_at(j, -T::one()));
         let shift = state.mean_weight(0) - points.state.mean_weight(0);
         let mut images = Self {
             state,
@@ -172,7 +175,7 @@ impl<'a, Y: Manifold<M>, const L: usize, const W: usize, const M: usize> Images<
         }
     }
 
-    fn weight(&self, index: usize) -> f64 {
+    fn weight(&self, index: usize) -> T {
         if index == 0 {
             self.points.covariance_weight_of_centre + self.shift
         } else if index <= 2 * L {
@@ -183,7 +186,7 @@ impl<'a, Y: Manifold<M>, const L: usize, const W: usize, const M: usize> Images<
     }
 
     /// Deviation of value and state at point `index`, and the weight in covariances.
-    fn deviation(&self, index: usize) -> (SVector<f64, M>, SVector<f64, L>, f64) {
+    fn deviation(&self, index: usize) -> (SVector<T, M>, SVector<T, L>, T) {
         let x = if index <= 2 * L {
             self.state.tangent(index)
         } else {
@@ -193,23 +196,23 @@ impl<'a, Y: Manifold<M>, const L: usize, const W: usize, const M: usize> Images<
     }
 }
 
-impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
+impl<T: Real, X: Manifold<L, T>, const L: usize> Ukf<T, X, L> {
     /// Moves the state by x' = f(x, w), w of covariance `process_noise`.
     ///
     /// # Errors
     /// As [`augmented_transform`] and [`Ukf::predict`]; the state is then unchanged.
     pub fn predict_augmented<const W: usize>(
         &mut self,
-        process_noise: &SMatrix<f64, W, W>,
-        points: &AugmentedPoints<L, W>,
-        function: impl FnMut(&X, &SVector<f64, W>) -> X,
+        process_noise: &SMatrix<T, W, W>,
+        points: &AugmentedPoints<T, L, W>,
+        function: impl FnMut(&X, &SVector<T, W>) -> X,
     ) -> Result<(), UkfError> {
         let noise = covariance_root(process_noise, Step::SigmaPoints)?;
         let mut function = function;
-        let images: Images<'_, X, L, W, L> =
+        let images: Images<'_, T, X, L, W, L> =
             Images::new(self.mean(), self.root(), &noise, points, &mut function)?;
         let root = root_of_squares(
-            &SMatrix::<f64, L, 1>::zeros(),
+            &SMatrix::<T, L, 1>::zeros(),
             images.count(),
             |index| {
                 let (deviation, _, weight) = images.deviation(index);
@@ -226,18 +229,18 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     ///
     /// # Errors
     /// As [`augmented_transform`] and [`Ukf::update`]; the state is then unchanged.
-    pub fn update_augmented<Z: Manifold<M>, const V: usize, const M: usize>(
+    pub fn update_augmented<Z: Manifold<M, T>, const V: usize, const M: usize>(
         &mut self,
         measurement: &Z,
-        measurement_noise: &SMatrix<f64, V, V>,
-        points: &AugmentedPoints<L, V>,
-        function: impl FnMut(&X, &SVector<f64, V>) -> Z,
-    ) -> Result<Innovation<M>, UkfError> {
+        measurement_noise: &SMatrix<T, V, V>,
+        points: &AugmentedPoints<T, L, V>,
+        function: impl FnMut(&X, &SVector<T, V>) -> Z,
+    ) -> Result<Innovation<T, M>, UkfError> {
         let noise = covariance_root(measurement_noise, Step::SigmaPoints)?;
         let mut function = function;
-        let images: Images<'_, Z, L, V, M> =
+        let images: Images<'_, T, Z, L, V, M> =
             Images::new(self.mean(), self.root(), &noise, points, &mut function)?;
-        let joint = Joint::of_points(&SMatrix::<f64, M, 1>::zeros(), images.count(), |index| {
+        let joint = Joint::of_points(&SMatrix::<T, M, 1>::zeros(), images.count(), |index| {
             images.deviation(index)
         })?;
         let corrected = joint.given(images.mean.local(measurement))?;

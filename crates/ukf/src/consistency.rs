@@ -12,7 +12,7 @@
 //! Below: the covariance is larger than the error (underconfident); above: smaller (overconfident).
 //! Values of successive frames of one run are correlated for NEES; average over runs.
 
-use estimation_base::chi_square_quantile;
+use estimation_base::{Real, chi_square_quantile};
 use nalgebra::{SMatrix, SVector};
 
 use crate::covariance::{definite, finite};
@@ -48,10 +48,10 @@ pub struct Consistency {
 ///
 /// # Errors
 /// [`UkfError::Covariance`], [`UkfError::NotFinite`].
-pub fn normalized_error_squared<const N: usize>(
-    difference: &SVector<f64, N>,
-    covariance: &SMatrix<f64, N, N>,
-) -> Result<f64, UkfError> {
+pub fn normalized_error_squared<T: Real, const N: usize>(
+    difference: &SVector<T, N>,
+    covariance: &SMatrix<T, N, N>,
+) -> Result<T, UkfError> {
     let difference = finite(*difference, Step::Consistency, "the difference")?;
     let factor = definite(covariance, Step::Consistency)?;
     Ok(factor.mahalanobis_squared(&difference))

@@ -14,7 +14,8 @@
 //! Both steps return an error and keep the state for NaN, infinity, noise that is no covariance, or a centre of negative
 //! weight that takes more than the other points hold.
 
-use estimation_base::{Cholesky, Manifold, symmetric};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{Manifold, Real, symmetric};
 use nalgebra::SMatrix;
 
 use crate::covariance::{covariance_root, finite};
@@ -58,24 +59,24 @@ use crate::update::correct;
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ukf<X, const L: usize> {
+pub struct Ukf<T, X, const L: usize> {
     mean: X,
     /// L L^T, as shown.
-    covariance: SMatrix<f64, L, L>,
+    covariance: SMatrix<T, L, L>,
     /// L, as carried on.
-    root: Cholesky<L>,
-    set: SigmaPoints<L>,
+    root: CholeskyFactor<T, L>,
+    set: SigmaPoints<T, L>,
 }
 
-impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
+impl<T: Real, X: Manifold<L, T>, const L: usize> Ukf<T, X, L> {
     /// A filter starting at (`mean`, `covariance`); rounding is symmetrised away.
     ///
     /// # Errors
     /// [`UkfError::NotFinite`] for the mean, [`UkfError::Covariance`] for a matrix that is no covariance.
     pub fn new(
         mean: X,
-        covariance: SMatrix<f64, L, L>,
-        set: SigmaPoints<L>,
+        covariance: SMatrix<T, L, L>,
+        set: SigmaPoints<T, L>,
     ) -> Result<Self, UkfError> {
         let root = covariance_root(&covariance, Step::SigmaPoints)?;
         finite(mean.local(&mean), Step::SigmaPoints, "the mean")?;
@@ -93,7 +94,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     }
 
     /// The covariance, symmetric, in the tangent at the mean.
-    pub const fn covariance(&self) -> &SMatrix<f64, L, L> {
+    pub const fn covariance(&self) -> &SMatrix<T, L, L> {
         &self.covariance
     }
 
@@ -105,7 +106,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// or if the centre's negative weight takes more than the other points hold. The state is then unchanged.
     pub fn predict(
         &mut self,
-        process_noise: &SMatrix<f64, L, L>,
+        process_noise: &SMatrix<T, L, L>,
         mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
         let noise = covariance_root(process_noise, Step::Prediction)?;
@@ -125,12 +126,12 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     ///
     /// # Errors
     /// As [`crate::unscented_correction`]; the state is then unchanged.
-    pub fn update<Z: Manifold<M>, const M: usize>(
+    pub fn update<Z: Manifold<M, T>, const M: usize>(
         &mut self,
         measurement: &Z,
-        measurement_noise: &SMatrix<f64, M, M>,
+        measurement_noise: &SMatrix<T, M, M>,
         mut function: impl FnMut(&X) -> Z,
-    ) -> Result<Innovation<M>, UkfError> {
+    ) -> Result<Innovation<T, M>, UkfError> {
         let noise = covariance_root(measurement_noise, Step::Innovation)?;
         let corrected = correct(
             &self.mean,
@@ -145,17 +146,17 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     }
 
     /// The sigma points.
-    pub const fn sigma_points(&self) -> &SigmaPoints<L> {
+    pub const fn sigma_points(&self) -> &SigmaPoints<T, L> {
         &self.set
     }
 
     /// The factor of the covariance.
-    pub(crate) const fn root(&self) -> &Cholesky<L> {
+    pub(crate) const fn root(&self) -> &CholeskyFactor<T, L> {
         &self.root
     }
 
     /// Both are known to be finite.
-    pub(crate) fn set_state(&mut self, mean: X, root: Cholesky<L>) {
+    pub(crate) fn set_state(&mut self, mean: X, root: CholeskyFactor<T, L>) {
         self.mean = mean;
         self.covariance = root.product();
         self.root = root;

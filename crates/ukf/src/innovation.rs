@@ -5,42 +5,41 @@
 //! log p(z) = -(nis + log det S + M log 2 pi) / 2
 //! ```
 
-use core::f64::consts::TAU;
-
-use estimation_base::Cholesky;
+use estimation_base::Real;
+use estimation_base::generic::CholeskyFactor;
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 /// The innovation of a measurement of dimension M.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Innovation<const M: usize> {
+pub struct Innovation<T, const M: usize> {
     /// z - z^, in the tangent at z^.
-    pub residual: SVector<f64, M>,
+    pub residual: SVector<T, M>,
     /// S, measurement noise included.
-    pub covariance: SMatrix<f64, M, M>,
+    pub covariance: SMatrix<T, M, M>,
     /// Normalised innovation squared; chi-square of M degrees of freedom for a consistent filter.
-    pub nis: f64,
+    pub nis: T,
     /// log N(z; z^, S).
-    pub log_likelihood: f64,
+    pub log_likelihood: T,
 }
 
-impl<const M: usize> Innovation<M> {
+impl<T: Real, const M: usize> Innovation<T, M> {
     /// `factor` is that of `covariance`, S.
     pub(crate) fn new(
-        residual: SVector<f64, M>,
-        covariance: SMatrix<f64, M, M>,
-        factor: &Cholesky<M>,
+        residual: SVector<T, M>,
+        covariance: SMatrix<T, M, M>,
+        factor: &CholeskyFactor<T, M>,
     ) -> Self {
         let nis = factor.mahalanobis_squared(&residual);
         Self {
             residual,
             covariance,
             nis,
-            log_likelihood: -0.5 * (nis + log_normaliser(factor)),
+            log_likelihood: T::of(-0.5) * (nis + log_normaliser(factor)),
         }
     }
 }
 
 /// log det(2 pi S).
-pub(crate) fn log_normaliser<const M: usize>(factor: &Cholesky<M>) -> f64 {
-    factor.log_determinant() + M as f64 * ComplexField::ln(TAU)
+pub(crate) fn log_normaliser<T: Real, const M: usize>(factor: &CholeskyFactor<T, M>) -> T {
+    factor.log_determinant() + T::of(M as f64) * ComplexField::ln(T::two_pi())
 }

@@ -18,7 +18,7 @@
 //! for vanishing spread): the outcome says whether it came about. P must be positive definite. On a
 //! manifold the small change of tangent between m and m_j is neglected.
 
-use estimation_base::Manifold;
+use estimation_base::{Manifold, Real};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 use crate::covariance::covariance_root;
@@ -49,28 +49,28 @@ impl Default for Iterations {
 
 /// The outcome of an iterated update.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Iterated<const M: usize> {
+pub struct Iterated<T, const M: usize> {
     /// The innovation by the last linearisation.
-    pub innovation: Innovation<M>,
+    pub innovation: Innovation<T, M>,
     /// Number of rounds made.
     pub rounds: u32,
     /// True if the last round moved the mean by less than the tolerance.
     pub converged: bool,
 }
 
-impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
+impl<T: Real, X: Manifold<L, T>, const L: usize> Ukf<T, X, L> {
     /// Takes in a measurement z = h(x) + noise, linearised where the posterior lies.
     ///
     /// # Errors
     /// [`UkfError::Covariance`] for a prior that is only semidefinite, otherwise as
     /// [`Ukf::update`]; the state is then unchanged.
-    pub fn update_iterated<Z: Manifold<M>, const M: usize>(
+    pub fn update_iterated<Z: Manifold<M, T>, const M: usize>(
         &mut self,
         measurement: &Z,
-        measurement_noise: &SMatrix<f64, M, M>,
+        measurement_noise: &SMatrix<T, M, M>,
         iterations: &Iterations,
         mut function: impl FnMut(&X) -> Z,
-    ) -> Result<Iterated<M>, UkfError> {
+    ) -> Result<Iterated<T, M>, UkfError> {
         let noise = covariance_root(measurement_noise, Step::Innovation)?;
         let prior = *self.root();
         let (mut mean, mut root) = (self.mean().clone(), prior);
@@ -78,9 +78,9 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         loop {
             rounds += 1;
             let points = Placed::new(&mean, root.lower(), self.sigma_points())?;
-            let images: Images<Z, L, M> = Images::new(&mean, &points, &mut function)?;
+            let images: Images<T, Z, L, M> = Images::new(&mean, &points, &mut function)?;
             // x first: [S_j 0; A S_j O^1/2]
-            let line = Joint::of_points(&SMatrix::<f64, L, 1>::zeros(), points.count(), |index| {
+            let line = Joint::of_points(&SMatrix::<T, L, 1>::zeros(), points.count(), |index| {
                 let weight = points.covariance_weight(index);
                 (points.tangent(index), images.difference(index), weight)
             })?;
@@ -89,7 +89,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
                 .solve_transposed(&line.slope().transpose())
                 .transpose();
             // the prior through that line: O and R are noise in z
-            let mut joint = Joint::<M, L>::of_noise(noise.lower());
+            let mut joint = Joint::<T, M, L>::of_noise(noise.lower());
             for column in line.rest(Step::Innovation)?.lower().column_iter() {
                 joint.add(column.into_owned(), SVector::zeros());
             }
@@ -103,7 +103,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             // a semidefinite posterior has no lengths: go on to the last round
             let length = definite_root(corrected.root.lower(), Step::Posterior)
                 .map_or(f64::INFINITY, |root| {
-                    ComplexField::sqrt(root.mahalanobis_squared(&moved))
+                    ComplexField::sqrt(root.mahalanobis_squared(&moved)).into()
                 });
             (mean, root) = (next, corrected.root);
             let converged = length <= iterations.tolerance;

@@ -17,7 +17,8 @@
 //! Columns enter one after the other ([`Joint::add`], Givens rotations); a centre point of negative weight enters last,
 //! by a downdate, the only step that can fail.
 
-use estimation_base::{Cholesky, CholeskyError};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{CholeskyError, Real};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 use crate::covariance::{finite, in_step};
@@ -26,13 +27,13 @@ use crate::innovation::Innovation;
 use crate::rank_one::{Lower, downdate, downdate_rows, rotation, update};
 
 /// The lower factor of noise noise^T + sum W d d^T over `count` points, whose deviations and weights `point` tells.
-pub(crate) fn root_of_squares<const N: usize, const K: usize>(
-    noise: &SMatrix<f64, N, K>,
+pub(crate) fn root_of_squares<T: Real, const N: usize, const K: usize>(
+    noise: &SMatrix<T, N, K>,
     count: usize,
-    point: impl Fn(usize) -> (SVector<f64, N>, f64),
+    point: impl Fn(usize) -> (SVector<T, N>, T),
     step: Step,
-) -> Result<Cholesky<N>, UkfError> {
-    let mut lower = SMatrix::<f64, N, N>::zeros();
+) -> Result<CholeskyFactor<T, N>, UkfError> {
+    let mut lower = SMatrix::<T, N, N>::zeros();
     for column in noise.column_iter() {
         update(&mut lower, column.into_owned());
     }
@@ -41,39 +42,39 @@ pub(crate) fn root_of_squares<const N: usize, const K: usize>(
         update(&mut lower, deviation * ComplexField::sqrt(weight));
     }
     let (deviation, weight) = point(0);
-    let centre = deviation * ComplexField::sqrt(weight.abs());
-    if weight >= 0.0 {
+    let centre = deviation * ComplexField::sqrt(ComplexField::abs(weight));
+    if weight >= T::zero() {
         update(&mut lower, centre);
     } else {
         downdate(&mut lower, &centre).map_err(in_step(step))?;
     }
-    Cholesky::from_lower(&lower).map_err(in_step(step))
+    CholeskyFactor::from_lower(&lower).map_err(in_step(step))
 }
 
 /// The lower factor [L_z 0; L_xz L_x] of the joint covariance of z (M) and x (L).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Joint<const M: usize, const L: usize> {
-    z: SMatrix<f64, M, M>,
-    xz: SMatrix<f64, L, M>,
-    x: SMatrix<f64, L, L>,
+pub(crate) struct Joint<T, const M: usize, const L: usize> {
+    z: SMatrix<T, M, M>,
+    xz: SMatrix<T, L, M>,
+    x: SMatrix<T, L, L>,
 }
 
 /// A Gaussian corrected by a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Corrected<const M: usize, const L: usize> {
+pub(crate) struct Corrected<T, const M: usize, const L: usize> {
     /// The factor of the covariance after the update.
-    pub(crate) root: Cholesky<L>,
+    pub(crate) root: CholeskyFactor<T, L>,
     /// K (z - z^).
-    pub(crate) correction: SVector<f64, L>,
-    pub(crate) innovation: Innovation<M>,
+    pub(crate) correction: SVector<T, L>,
+    pub(crate) innovation: Innovation<T, M>,
 }
 
-impl<const M: usize, const L: usize> Joint<M, L> {
+impl<T: Real, const M: usize, const L: usize> Joint<T, M, L> {
     /// The factor of the points: `point` tells deviations in z and x and the weight; `noise` is a factor of what is added to z.
     pub(crate) fn of_points<const K: usize>(
-        noise: &SMatrix<f64, M, K>,
+        noise: &SMatrix<T, M, K>,
         count: usize,
-        point: impl Fn(usize) -> (SVector<f64, M>, SVector<f64, L>, f64),
+        point: impl Fn(usize) -> (SVector<T, M>, SVector<T, L>, T),
     ) -> Result<Self, UkfError> {
         let mut joint = Self::of_noise(noise);
         for index in 1..count {
@@ -82,8 +83,8 @@ impl<const M: usize, const L: usize> Joint<M, L> {
             joint.add(z * weight, x * weight);
         }
         let (z, x, weight) = point(0);
-        let share = ComplexField::sqrt(weight.abs());
-        if weight >= 0.0 {
+        let share = ComplexField::sqrt(ComplexField::abs(weight));
+        if weight >= T::zero() {
             joint.add(z * share, x * share);
         } else {
             joint.take(&(z * share), &(x * share))?;
@@ -92,7 +93,7 @@ impl<const M: usize, const L: usize> Joint<M, L> {
     }
 
     /// Noise in z alone, of which `noise` is a factor.
-    pub(crate) fn of_noise<const K: usize>(noise: &SMatrix<f64, M, K>) -> Self {
+    pub(crate) fn of_noise<const K: usize>(noise: &SMatrix<T, M, K>) -> Self {
         let mut joint = Self {
             z: SMatrix::zeros(),
             xz: SMatrix::zeros(),
@@ -105,10 +106,10 @@ impl<const M: usize, const L: usize> Joint<M, L> {
     }
 
     /// Adds (z, x) (z, x)^T.
-    pub(crate) fn add(&mut self, mut z: SVector<f64, M>, mut x: SVector<f64, L>) {
+    pub(crate) fn add(&mut self, mut z: SVector<T, M>, mut x: SVector<T, L>) {
         for column in 0..M {
             let (diagonal, entry) = (self.z[(column, column)], z[column]);
-            if entry == 0.0 {
+            if entry == T::zero() {
                 continue;
             }
             let (cos, sin, length) = rotation(diagonal, entry);
@@ -128,9 +129,9 @@ impl<const M: usize, const L: usize> Joint<M, L> {
     }
 
     /// Takes (z, x) (z, x)^T away.
-    fn take(&mut self, z: &SVector<f64, M>, x: &SVector<f64, L>) -> Result<(), UkfError> {
+    fn take(&mut self, z: &SVector<T, M>, x: &SVector<T, L>) -> Result<(), UkfError> {
         let entry = |row: usize| row.checked_sub(M).map_or_else(|| z[row], |row| x[row]);
-        let (of_z, of_x): ([f64; M], [f64; L]) = (
+        let (of_z, of_x): ([T; M], [T; L]) = (
             core::array::from_fn(|row| self.z.row(row).norm()),
             // what x had before z was known
             core::array::from_fn(|row| self.xz.row(row).norm() + self.x.row(row).norm()),
@@ -139,7 +140,7 @@ impl<const M: usize, const L: usize> Joint<M, L> {
             row.checked_sub(M)
                 .map_or_else(|| of_z[row], |row| of_x[row])
         };
-        downdate_rows::<M, L>(self, entry, length).map_err(|error| match error {
+        downdate_rows::<T, M, L>(self, entry, length).map_err(|error| match error {
             CholeskyError::NotPositiveDefinite {
                 pivot,
                 value,
@@ -157,22 +158,22 @@ impl<const M: usize, const L: usize> Joint<M, L> {
     ///
     /// # Errors
     /// The first row of which the rows before leave no more than rounding.
-    pub(crate) fn z_root(&self, step: Step) -> Result<Cholesky<M>, UkfError> {
+    pub(crate) fn z_root(&self, step: Step) -> Result<CholeskyFactor<T, M>, UkfError> {
         definite_root(&self.z, step)
     }
 
     /// Covariance of x with whitened z: K L_z.
-    pub(crate) const fn slope(&self) -> &SMatrix<f64, L, M> {
+    pub(crate) const fn slope(&self) -> &SMatrix<T, L, M> {
         &self.xz
     }
 
     /// The factor of the covariance of x given z.
-    pub(crate) fn rest(&self, step: Step) -> Result<Cholesky<L>, UkfError> {
-        Cholesky::from_lower(&self.x).map_err(in_step(step))
+    pub(crate) fn rest(&self, step: Step) -> Result<CholeskyFactor<T, L>, UkfError> {
+        CholeskyFactor::from_lower(&self.x).map_err(in_step(step))
     }
 
     /// x given z, which is `residual` away from its mean.
-    pub(crate) fn given(&self, residual: SVector<f64, M>) -> Result<Corrected<M, L>, UkfError> {
+    pub(crate) fn given(&self, residual: SVector<T, M>) -> Result<Corrected<T, M, L>, UkfError> {
         let residual = finite(residual, Step::Innovation, "the measurement")?;
         let factor = self.z_root(Step::Innovation)?;
         Ok(Corrected {
@@ -183,8 +184,8 @@ impl<const M: usize, const L: usize> Joint<M, L> {
     }
 }
 
-impl<const M: usize, const L: usize> Lower for Joint<M, L> {
-    fn at(&self, row: usize, column: usize) -> f64 {
+impl<T: Real, const M: usize, const L: usize> Lower<T> for Joint<T, M, L> {
+    fn at(&self, row: usize, column: usize) -> T {
         match (row.checked_sub(M), column.checked_sub(M)) {
             (None, _) => self.z[(row, column)],
             (Some(row), None) => self.xz[(row, column)],
@@ -192,7 +193,7 @@ impl<const M: usize, const L: usize> Lower for Joint<M, L> {
         }
     }
 
-    fn set(&mut self, row: usize, column: usize, value: f64) {
+    fn set(&mut self, row: usize, column: usize, value: T) {
         match (row.checked_sub(M), column.checked_sub(M)) {
             (None, _) => self.z[(row, column)] = value,
             (Some(row), None) => self.xz[(row, column)] = value,
@@ -202,19 +203,19 @@ impl<const M: usize, const L: usize> Lower for Joint<M, L> {
 }
 
 /// A factor whose every pivot is more than the rounding of its row: 8 N eps of its length, N rotations having made it.
-pub(crate) fn definite_root<const N: usize>(
-    lower: &SMatrix<f64, N, N>,
+pub(crate) fn definite_root<T: Real, const N: usize>(
+    lower: &SMatrix<T, N, N>,
     step: Step,
-) -> Result<Cholesky<N>, UkfError> {
-    let root = Cholesky::from_lower(lower).map_err(in_step(step))?;
+) -> Result<CholeskyFactor<T, N>, UkfError> {
+    let root = CholeskyFactor::from_lower(lower).map_err(in_step(step))?;
     for pivot in 0..N {
         let value = lower[(pivot, pivot)];
-        let rounding = 8.0 * N as f64 * f64::EPSILON * lower.row(pivot).norm();
+        let rounding = T::of(8.0 * N as f64) * T::EPSILON * lower.row(pivot).norm();
         if value <= rounding {
             return Err(in_step(step)(CholeskyError::NotPositiveDefinite {
                 pivot,
-                value: value * value,
-                required: rounding * rounding,
+                value: (value * value).into(),
+                required: (rounding * rounding).into(),
             }));
         }
     }

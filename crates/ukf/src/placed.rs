@@ -18,8 +18,8 @@
 //!
 //! Vectors pass always: what rounding takes from a step is told from a fold.
 
-use estimation_base::Manifold;
-use nalgebra::{SMatrix, SVector};
+use estimation_base::{Manifold, Real};
+use nalgebra::{ComplexField, SMatrix, SVector};
 
 use crate::error::UkfError;
 use crate::sigma_points::SigmaPoints;
@@ -28,36 +28,58 @@ use crate::sigma_points::SigmaPoints;
 const MARGIN: f64 = 0.9;
 /// The least factor f by which points move in.
 const LEAST_SCALE: f64 = 1.0 / 3.0;
-/// Difference of an entry that may come back: folds are a matter of radians, this and less is none.
-const NO_FOLD: f64 = 1e-3;
-/// The same relative to the entry, and to the whole tangent.
-const SAME_ENTRY: f64 = 1e-6;
-const SAME_TANGENT: f64 = 1e-12;
+/// Share of an inner step that may not come back.
+const NO_FOLD_SHARE: f64 = 1e-3;
 
-/// Sigma points of a set around a mean, with the root of their covariance.
-pub(crate) struct Placed<'a, const L: usize> {
-    root: &'a SMatrix<f64, L, L>,
-    set: &'a SigmaPoints<L>,
-    /// f of each axis.
-    scales: SVector<f64, L>,
-    mean_weight_of_centre: f64,
-    covariance_weight_of_centre: f64,
+/// Difference of an entry that may come back: folds are a matter of radians, this and less is none. Single precision rounds
+/// a mean of 1e6 by 0.06.
+fn no_fold<T: Real>() -> T {
+    by_precision(1e-3, 0.3)
 }
 
-impl<'a, const L: usize> Placed<'a, L> {
+/// The same relative to the entry.
+fn same_entry<T: Real>() -> T {
+    by_precision(1e-6, 1e-4)
+}
+
+/// The same relative to the whole tangent.
+fn same_tangent<T: Real>() -> T {
+    by_precision(1e-12, 1e-5)
+}
+
+/// The tolerance of double or of single precision.
+fn by_precision<T: Real>(double: f64, single: f64) -> T {
+    T::of(if T::EPSILON.into() < 1e-10 {
+        double
+    } else {
+        single
+    })
+}
+
+/// Sigma points of a set around a mean, with the root of their covariance.
+pub(crate) struct Placed<'a, T, const L: usize> {
+    root: &'a SMatrix<T, L, L>,
+    set: &'a SigmaPoints<T, L>,
+    /// f of each axis.
+    scales: SVector<T, L>,
+    mean_weight_of_centre: T,
+    covariance_weight_of_centre: T,
+}
+
+impl<'a, T: Real, const L: usize> Placed<'a, T, L> {
     /// The points mean + `root` u_i.
     ///
     /// # Errors
     /// [`UkfError::TooWide`].
-    pub(crate) fn new<X: Manifold<L>>(
+    pub(crate) fn new<X: Manifold<L, T>>(
         mean: &X,
-        root: &'a SMatrix<f64, L, L>,
-        set: &'a SigmaPoints<L>,
+        root: &'a SMatrix<T, L, L>,
+        set: &'a SigmaPoints<T, L>,
     ) -> Result<Self, UkfError> {
         let mut placed = Self {
             root,
             set,
-            scales: SVector::repeat(1.0),
+            scales: SVector::repeat(T::one()),
             mean_weight_of_centre: set.mean_weight(0),
             covariance_weight_of_centre: set.covariance_weight(0),
         };
@@ -68,15 +90,15 @@ impl<'a, const L: usize> Placed<'a, L> {
                 continue;
             }
             let reach = reach(mean, &tangent);
-            if reach < 1.0 {
-                let scale = MARGIN * reach;
-                if scale < LEAST_SCALE {
+            if reach < T::one() {
+                let scale = T::of(MARGIN) * reach;
+                if scale < T::of(LEAST_SCALE) {
                     let offset = set.offset(index).norm();
                     let sigma = tangent.norm() / offset;
                     return Err(UkfError::TooWide {
                         axis: set.axis(index),
-                        sigma,
-                        at_most: sigma * scale / LEAST_SCALE,
+                        sigma: sigma.into(),
+                        at_most: (sigma * scale / T::of(LEAST_SCALE)).into(),
                     });
                 }
                 let axis = set.axis(index);
@@ -88,8 +110,10 @@ impl<'a, const L: usize> Placed<'a, L> {
             if !set.has_axes() {
                 placed.scales.fill(placed.scales.min());
             }
-            let others: f64 = (1..set.count()).map(|i| placed.mean_weight(i)).sum();
-            placed.mean_weight_of_centre = 1.0 - others;
+            let others = (1..set.count())
+                .map(|i| placed.mean_weight(i))
+                .fold(T::zero(), |sum, weight| sum + weight);
+            placed.mean_weight_of_centre = T::one() - others;
             placed.covariance_weight_of_centre =
                 placed.mean_weight_of_centre + (set.covariance_weight(0) - set.mean_weight(0));
         }
@@ -102,7 +126,7 @@ impl<'a, const L: usize> Placed<'a, L> {
     }
 
     /// From the mean to point `index`.
-    pub(crate) fn tangent(&self, index: usize) -> SVector<f64, L> {
+    pub(crate) fn tangent(&self, index: usize) -> SVector<T, L> {
         if index == 0 {
             return SVector::zeros();
         }
@@ -110,7 +134,7 @@ impl<'a, const L: usize> Placed<'a, L> {
     }
 
     /// Weight of point `index` in means.
-    pub(crate) fn mean_weight(&self, index: usize) -> f64 {
+    pub(crate) fn mean_weight(&self, index: usize) -> T {
         if index == 0 {
             return self.mean_weight_of_centre;
         }
@@ -119,7 +143,7 @@ impl<'a, const L: usize> Placed<'a, L> {
     }
 
     /// Weight of point `index` in covariances.
-    pub(crate) fn covariance_weight(&self, index: usize) -> f64 {
+    pub(crate) fn covariance_weight(&self, index: usize) -> T {
         if index == 0 {
             self.covariance_weight_of_centre
         } else {
@@ -129,28 +153,33 @@ impl<'a, const L: usize> Placed<'a, L> {
 }
 
 /// Whether a step and the way back are one. What is not finite is told elsewhere.
-fn comes_back<X: Manifold<L>, const L: usize>(mean: &X, tangent: &SVector<f64, L>) -> bool {
-    let same = NO_FOLD + SAME_TANGENT * tangent.norm();
+fn comes_back<T: Real, X: Manifold<L, T>, const L: usize>(
+    mean: &X,
+    tangent: &SVector<T, L>,
+) -> bool {
+    let same = no_fold::<T>() + same_tangent::<T>() * tangent.norm();
     let error = error_of_return(mean, tangent);
-    (0..L).all(|k| error[k].is_nan() || error[k] <= same + SAME_ENTRY * tangent[k].abs())
+    (0..L).all(|k| {
+        error[k].is_nan() || error[k] <= same + same_entry::<T>() * ComplexField::abs(tangent[k])
+    })
 }
 
-fn error_of_return<X: Manifold<L>, const L: usize>(
+fn error_of_return<T: Real, X: Manifold<L, T>, const L: usize>(
     mean: &X,
-    tangent: &SVector<f64, L>,
-) -> SVector<f64, L> {
+    tangent: &SVector<T, L>,
+) -> SVector<T, L> {
     (mean.local(&mean.retract(tangent)) - tangent).abs()
 }
 
 /// The largest share of a tangent, at most 1, that comes back.
-fn reach<X: Manifold<L>, const L: usize>(mean: &X, tangent: &SVector<f64, L>) -> f64 {
-    let mut low = 1.0;
-    while low > 0.0 && !comes_back(mean, &(tangent * low)) {
-        low *= 0.5;
+fn reach<T: Real, X: Manifold<L, T>, const L: usize>(mean: &X, tangent: &SVector<T, L>) -> T {
+    let mut low = T::one();
+    while low > T::zero() && !comes_back(mean, &(tangent * low)) {
+        low *= T::of(0.5);
     }
-    let mut high = 2.0 * low;
+    let mut high = T::of(2.0) * low;
     for _ in 0..40 {
-        let middle = 0.5 * (low + high);
+        let middle = T::of(0.5) * (low + high);
         if comes_back(mean, &(tangent * middle)) {
             low = middle;
         } else {
@@ -158,11 +187,13 @@ fn reach<X: Manifold<L>, const L: usize>(mean: &X, tangent: &SVector<f64, L>) ->
         }
     }
     // below a fold steps come back; a step that a mean of 1e15 swallows does so at no length
-    let inside = tangent * (0.5 * low);
+    let inside = tangent * (T::of(0.5) * low);
     let (error, inner) = (
         error_of_return(mean, tangent),
         error_of_return(mean, &inside),
     );
-    let folded = (0..L).any(|k| error[k] > NO_FOLD && inner[k] <= NO_FOLD * inside[k].abs());
-    if folded { low } else { 1.0 }
+    let share = T::of(NO_FOLD_SHARE);
+    let folded =
+        (0..L).any(|k| error[k] > no_fold() && inner[k] <= share * ComplexField::abs(inside[k]));
+    if folded { low } else { T::one() }
 }

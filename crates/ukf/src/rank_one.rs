@@ -8,14 +8,17 @@
 //!   1 - |p|^2 > 0; the rotations then run backwards (LINPACK's `dchdd`: Dongarra et al. 1979, ch. 10;
 //!   Stewart 1979 for its stability).
 
-use estimation_base::CholeskyError;
+use estimation_base::{CholeskyError, Real};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 /// Adds `vector vector^T` to L L^T.
-pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector: SVector<f64, N>) {
+pub(crate) fn update<T: Real, const N: usize>(
+    lower: &mut SMatrix<T, N, N>,
+    mut vector: SVector<T, N>,
+) {
     for column in 0..N {
         let (diagonal, entry) = (lower[(column, column)], vector[column]);
-        if entry == 0.0 {
+        if entry == T::zero() {
             continue;
         }
         let (cos, sin, length) = rotation(diagonal, entry);
@@ -30,15 +33,15 @@ pub(crate) fn update<const N: usize>(lower: &mut SMatrix<f64, N, N>, mut vector:
 
 /// Adds the equation `vector`^T t = `value`, of unit noise, to the least squares problem L^T t = `right`, and returns the
 /// residual that its rotation leaves: the squares of all residuals sum to the sum of squares at the solution.
-pub(crate) fn update_with_right_side<const N: usize>(
-    lower: &mut SMatrix<f64, N, N>,
-    right: &mut SVector<f64, N>,
-    mut vector: SVector<f64, N>,
-    mut value: f64,
-) -> f64 {
+pub(crate) fn update_with_right_side<T: Real, const N: usize>(
+    lower: &mut SMatrix<T, N, N>,
+    right: &mut SVector<T, N>,
+    mut vector: SVector<T, N>,
+    mut value: T,
+) -> T {
     for column in 0..N {
         let (diagonal, entry) = (lower[(column, column)], vector[column]);
-        if entry == 0.0 {
+        if entry == T::zero() {
             continue;
         }
         let (cos, sin, length) = rotation(diagonal, entry);
@@ -56,17 +59,17 @@ pub(crate) fn update_with_right_side<const N: usize>(
 }
 
 /// A lower triangular factor, in one piece or in blocks.
-pub(crate) trait Lower {
-    fn at(&self, row: usize, column: usize) -> f64;
-    fn set(&mut self, row: usize, column: usize, value: f64);
+pub(crate) trait Lower<T> {
+    fn at(&self, row: usize, column: usize) -> T;
+    fn set(&mut self, row: usize, column: usize, value: T);
 }
 
-impl<const N: usize> Lower for SMatrix<f64, N, N> {
-    fn at(&self, row: usize, column: usize) -> f64 {
+impl<T: Real, const N: usize> Lower<T> for SMatrix<T, N, N> {
+    fn at(&self, row: usize, column: usize) -> T {
         self[(row, column)]
     }
 
-    fn set(&mut self, row: usize, column: usize, value: f64) {
+    fn set(&mut self, row: usize, column: usize, value: T) {
         self[(row, column)] = value;
     }
 }
@@ -76,45 +79,45 @@ impl<const N: usize> Lower for SMatrix<f64, N, N> {
 /// # Errors
 /// [`CholeskyError::NotPositiveDefinite`] with the first row at which nothing is left, and 1 - |p|^2 up to
 /// there (of the variance that L held).
-pub(crate) fn downdate<const N: usize>(
-    lower: &mut SMatrix<f64, N, N>,
-    vector: &SVector<f64, N>,
+pub(crate) fn downdate<T: Real, const N: usize>(
+    lower: &mut SMatrix<T, N, N>,
+    vector: &SVector<T, N>,
 ) -> Result<(), CholeskyError> {
-    let lengths: [f64; N] = core::array::from_fn(|row| lower.row(row).norm());
-    downdate_rows::<N, 0>(lower, |row| vector[row], |row| lengths[row])
+    let lengths: [T; N] = core::array::from_fn(|row| lower.row(row).norm());
+    downdate_rows::<T, N, 0>(lower, |row| vector[row], |row| lengths[row])
 }
 
 /// [`downdate`] for a factor of A + B rows, whose entries are known to the rounding of `length`(row).
 ///
 /// A centre deviates by nothing but rounding where the function is linear: that is no reason to fail where a direction has no variance.
-pub(crate) fn downdate_rows<const A: usize, const B: usize>(
-    lower: &mut impl Lower,
-    vector: impl Fn(usize) -> f64,
-    length: impl Fn(usize) -> f64,
+pub(crate) fn downdate_rows<T: Real, const A: usize, const B: usize>(
+    lower: &mut impl Lower<T>,
+    vector: impl Fn(usize) -> T,
+    length: impl Fn(usize) -> T,
 ) -> Result<(), CholeskyError> {
-    let mut p = Rows([0.0; A], [0.0; B]);
-    let mut left = 1.0;
+    let mut p = Rows([T::zero(); A], [T::zero(); B]);
+    let mut left = T::one();
     for row in 0..A + B {
         let mut entry = vector(row);
         for before in 0..row {
             entry -= lower.at(row, before) * *p.get(before);
         }
-        if entry.abs() <= 8.0 * (A + B) as f64 * f64::EPSILON * length(row) {
+        if ComplexField::abs(entry) <= T::of(8.0 * (A + B) as f64) * T::EPSILON * length(row) {
             continue;
         }
         entry /= lower.at(row, row);
         left -= entry * entry;
         // also false for the NaN or infinity of a zero diagonal
-        if !(left > 0.0 && left.is_finite()) {
+        if !(left > T::zero() && left.is_finite()) {
             return Err(CholeskyError::NotPositiveDefinite {
                 pivot: row,
-                value: left,
+                value: left.into(),
                 required: 0.0,
             });
         }
         *p.get(row) = entry;
     }
-    let mut rotations = Rows([(1.0, 0.0); A], [(1.0, 0.0); B]);
+    let mut rotations = Rows([(T::one(), T::zero()); A], [(T::one(), T::zero()); B]);
     let mut alpha = ComplexField::sqrt(left);
     for row in (0..A + B).rev() {
         let (cos, sin, length) = rotation(alpha, *p.get(row));
@@ -122,7 +125,7 @@ pub(crate) fn downdate_rows<const A: usize, const B: usize>(
         alpha = length;
     }
     for row in 0..A + B {
-        let mut carried = 0.0;
+        let mut carried = T::zero();
         for column in (0..=row).rev() {
             let (cos, sin) = *rotations.get(column);
             let entry = lower.at(row, column);
@@ -147,8 +150,8 @@ impl<T, const A: usize, const B: usize> Rows<T, A, B> {
 }
 
 /// cos, sin and length of (x, y), without overflow; x >= 0, not both zero.
-pub(crate) fn rotation(x: f64, y: f64) -> (f64, f64, f64) {
-    let scale = x.abs() + y.abs();
+pub(crate) fn rotation<T: Real>(x: T, y: T) -> (T, T, T) {
+    let scale = ComplexField::abs(x) + ComplexField::abs(y);
     let (a, b) = (x / scale, y / scale);
     let length = ComplexField::sqrt(a * a + b * b);
     (a / length, b / length, scale * length)

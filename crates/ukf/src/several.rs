@@ -22,9 +22,8 @@
 //!
 //! On a manifold the small change of tangent between x and x' is neglected.
 
-use core::f64::consts::TAU;
-
-use estimation_base::{Cholesky, Manifold, cholesky_in_place, symmetric};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{Manifold, Real, cholesky_in_place, symmetric};
 use nalgebra::{ComplexField, DMatrixViewMut, SMatrix, SVector};
 
 use crate::covariance::{covariance_root, finite, in_step, require_symmetric, semidefinite};
@@ -38,22 +37,22 @@ use crate::transform::Images;
 
 /// A measurement of one block and its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured<Z, const M: usize> {
+pub struct Measured<T, Z, const M: usize> {
     /// z.
     pub value: Z,
     /// R, M x M, positive definite.
-    pub noise: SMatrix<f64, M, M>,
+    pub noise: SMatrix<T, M, M>,
 }
 
 /// How well all measurements of an instant fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointFit {
+pub struct JointFit<T> {
     /// Rows of all blocks: the degrees of freedom of `nis`.
     pub rows: usize,
     /// Normalised innovation squared of all of them.
-    pub nis: f64,
+    pub nis: T,
     /// log N(z; z^, S) of all of them.
-    pub log_likelihood: f64,
+    pub log_likelihood: T,
 }
 
 /// Entries of the workspace that [`Ukf::update_stacked`] needs for `count` blocks of M rows.
@@ -64,18 +63,18 @@ pub const fn stacked_workspace<const L: usize, const M: usize>(count: usize) -> 
     rows * rows + rows * L + rows + rows * (2 * L + 1)
 }
 
-impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
+impl<T: Real, X: Manifold<L, T>, const L: usize> Ukf<T, X, L> {
     /// Takes in the blocks one after the other; `function`(x, k) predicts block k.
     ///
     /// `nis` and `log_likelihood` are sums over the blocks, each given those before.
     ///
     /// # Errors
     /// As [`Ukf::update`]; the state is then unchanged by any of the blocks.
-    pub fn update_sequentially<Z: Manifold<M>, const M: usize>(
+    pub fn update_sequentially<Z: Manifold<M, T>, const M: usize>(
         &mut self,
-        measurements: &[Measured<Z, M>],
+        measurements: &[Measured<T, Z, M>],
         mut function: impl FnMut(&X, usize) -> Z,
-    ) -> Result<JointFit, UkfError> {
+    ) -> Result<JointFit<T>, UkfError> {
         let mut next = self.clone();
         let mut fit = JointFit::of_rows(measurements.len() * M);
         for (k, measured) in measurements.iter().enumerate() {
@@ -92,20 +91,20 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// # Errors
     /// [`UkfError::Covariance`] for a prior that is only semidefinite or a block whose
     /// noise is not positive definite, otherwise as [`Ukf::update`]; the state is then unchanged.
-    pub fn update_information<Z: Manifold<M>, const M: usize>(
+    pub fn update_information<Z: Manifold<M, T>, const M: usize>(
         &mut self,
-        measurements: &[Measured<Z, M>],
+        measurements: &[Measured<T, Z, M>],
         mut function: impl FnMut(&X, usize) -> Z,
-    ) -> Result<JointFit, UkfError> {
+    ) -> Result<JointFit<T>, UkfError> {
         let points = Placed::new(self.mean(), self.root().lower(), self.sigma_points())?;
         let prior = definite_root(self.root().lower(), Step::SigmaPoints)?;
         let mut fit = JointFit::of_rows(measurements.len() * M);
         // in units of the prior's root: x = m + S t, t ~ N(0, I) before; lower^T t = right is what is known of t
-        let mut lower = SMatrix::<f64, L, L>::identity();
-        let mut right = SVector::<f64, L>::zeros();
+        let mut lower = SMatrix::<T, L, L>::identity();
+        let mut right = SVector::<T, L>::zeros();
         for (k, measured) in measurements.iter().enumerate() {
             let noise = covariance_root(&measured.noise, Step::Innovation)?;
-            let images: Images<Z, L, M> =
+            let images: Images<T, Z, L, M> =
                 Images::new(self.mean(), &points, &mut |x: &X| function(x, k))?;
             let innovation = finite(
                 images.mean.local(&measured.value),
@@ -113,7 +112,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
                 "the measurement",
             )?;
             // x first: [S 0; H S O^1/2]
-            let line = Joint::of_points(&SMatrix::<f64, L, 1>::zeros(), points.count(), |index| {
+            let line = Joint::of_points(&SMatrix::<T, L, 1>::zeros(), points.count(), |index| {
                 let weight = points.covariance_weight(index);
                 (points.tangent(index), images.difference(index), weight)
             })?;
@@ -130,20 +129,20 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
                     update_with_right_side(&mut lower, &mut right, equation, whitened[row]);
                 fit.nis += residual * residual;
             }
-            fit.log_likelihood -= 0.5 * log_normaliser(&rest);
+            fit.log_likelihood -= T::of(0.5) * log_normaliser(&rest);
         }
         // det S = det I' prod det O_k and the residuals of the least squares, without forming S
-        let information = Cholesky::from_lower(&lower).map_err(in_step(Step::Posterior))?;
-        fit.log_likelihood -= 0.5 * (fit.nis + information.log_determinant());
+        let information = CholeskyFactor::from_lower(&lower).map_err(in_step(Step::Posterior))?;
+        fit.log_likelihood -= T::of(0.5) * (fit.nis + information.log_determinant());
 
         let correction = prior.lower() * information.solve_transposed(&right);
         // (S I'^-1 S^T): rows of L'^-1 S^T
         let half = information.whiten(&prior.lower().transpose());
-        let mut root = SMatrix::<f64, L, L>::zeros();
+        let mut root = SMatrix::<T, L, L>::zeros();
         for row in half.row_iter() {
             update(&mut root, row.transpose());
         }
-        let root = Cholesky::from_lower(&root).map_err(in_step(Step::Posterior))?;
+        let root = CholeskyFactor::from_lower(&root).map_err(in_step(Step::Posterior))?;
         self.set_state(self.mean().retract(&correction), root);
         Ok(fit)
     }
@@ -157,13 +156,13 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
     /// # Errors
     /// [`UkfError::Length`] for a slice of another length, otherwise as [`Ukf::update`] (pivots count
     /// the stacked rows); the state is then unchanged.
-    pub fn update_stacked<Z: Manifold<M>, const M: usize>(
+    pub fn update_stacked<Z: Manifold<M, T>, const M: usize>(
         &mut self,
         measurements: &[Z],
-        noise: &[f64],
-        workspace: &mut [f64],
+        noise: &[T],
+        workspace: &mut [T],
         mut function: impl FnMut(&X, usize) -> Z,
-    ) -> Result<JointFit, UkfError> {
+    ) -> Result<JointFit<T>, UkfError> {
         let rows = measurements.len() * M;
         let needed = stacked_workspace::<L, M>(measurements.len());
         check_length("the noise of stacked rows", noise.len(), rows * rows, true)?;
@@ -174,7 +173,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         s.copy_from_slice(noise);
         let mut s = DMatrixViewMut::from_slice(s, rows, rows);
         require_symmetric(&s, Step::Innovation)?;
-        cross.fill(0.0);
+        cross.fill(T::zero());
 
         let prior = *self.root();
         let set = *self.sigma_points();
@@ -189,7 +188,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             innovation[k * M..(k + 1) * M].copy_from_slice(difference.as_slice());
             for index in 0..points.count() {
                 let first = index * rows + k * M;
-                let difference: SVector<f64, M> = images.difference(index);
+                let difference: SVector<T, M> = images.difference(index);
                 deviations[first..first + M].copy_from_slice(difference.as_slice());
             }
         }
@@ -210,7 +209,7 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
         cholesky_in_place(&mut s).map_err(in_step(Step::Innovation))?;
         // whiten e and P_zx in place: K e = B^T y with B = L_S^-1 P_zx
         let mut fit = JointFit::of_rows(rows);
-        let mut correction = SVector::<f64, L>::zeros();
+        let mut correction = SVector::<T, L>::zeros();
         for row in 0..rows {
             for before in 0..row {
                 let factor = s[(row, before)];
@@ -227,9 +226,10 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
                 correction[column] += *entry * innovation[row];
             }
             fit.nis += innovation[row] * innovation[row];
-            fit.log_likelihood -= ComplexField::ln(pivot) + 0.5 * ComplexField::ln(TAU);
+            fit.log_likelihood -=
+                ComplexField::ln(pivot) + T::of(0.5) * ComplexField::ln(T::two_pi());
         }
-        fit.log_likelihood -= 0.5 * fit.nis;
+        fit.log_likelihood -= T::of(0.5) * fit.nis;
         // K^T = L_S^-T B, row by row in the place of B
         for row in (0..rows).rev() {
             for below in row + 1..rows {
@@ -243,18 +243,17 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             }
         }
         // P' = sum W (dx - K dz) (dx - K dz)^T + K R K^T, a sum of squares whatever the rounding of K
-        let gain =
-            |row: usize| SVector::<f64, L>::from_column_slice(&cross[row * L..(row + 1) * L]);
-        let mut of_noise = SMatrix::<f64, L, L>::zeros();
+        let gain = |row: usize| SVector::<T, L>::from_column_slice(&cross[row * L..(row + 1) * L]);
+        let mut of_noise = SMatrix::<T, L, L>::zeros();
         for row in 0..rows {
-            let mut carried = SVector::<f64, L>::zeros();
+            let mut carried = SVector::<T, L>::zeros();
             for column in 0..rows {
                 carried += gain(column) * noise[row * rows + column];
             }
             of_noise += gain(row) * carried.transpose();
         }
         // of rank K M at most, perhaps less than L: what rounding may have taken from a pivot of zero is given back
-        let given_back = 1.0 + 16.0 * (rows + L) as f64 * f64::EPSILON;
+        let given_back = T::one() + T::of(16.0 * (rows + L) as f64) * T::EPSILON;
         for k in 0..L {
             of_noise[(k, k)] *= given_back;
         }
@@ -266,32 +265,32 @@ impl<X: Manifold<L>, const L: usize> Ukf<X, L> {
             for (row, value) in deviation.iter().enumerate() {
                 rest -= gain(row) * *value;
             }
-            rest * ComplexField::sqrt(points.covariance_weight(index).abs())
+            rest * ComplexField::sqrt(ComplexField::abs(points.covariance_weight(index)))
         };
         for index in 1..points.count() {
             update(&mut root, rest(index));
         }
         let centre = rest(0);
-        if points.covariance_weight(0) >= 0.0 {
+        if points.covariance_weight(0) >= T::zero() {
             update(&mut root, centre);
         } else {
             let before = prior.lower();
             let length = |row: usize| before.row(row).norm();
-            downdate_rows::<L, 0>(&mut root, |row| centre[row], length)
+            downdate_rows::<T, L, 0>(&mut root, |row| centre[row], length)
                 .map_err(in_step(Step::Posterior))?;
         }
-        let root = Cholesky::from_lower(&root).map_err(in_step(Step::Posterior))?;
+        let root = CholeskyFactor::from_lower(&root).map_err(in_step(Step::Posterior))?;
         self.set_state(self.mean().retract(&correction), root);
         Ok(fit)
     }
 }
 
-impl JointFit {
-    const fn of_rows(rows: usize) -> Self {
+impl<T: Real> JointFit<T> {
+    fn of_rows(rows: usize) -> Self {
         Self {
             rows,
-            nis: 0.0,
-            log_likelihood: 0.0,
+            nis: T::zero(),
+            log_likelihood: T::zero(),
         }
     }
 }

@@ -23,34 +23,35 @@
 //! report as an error and never return. A very small alpha (1e-3 is often
 //! seen) makes W_0 about -1e6 and costs six digits; the default here is alpha = 1.
 
+use estimation_base::Real;
 use nalgebra::{ComplexField, SMatrix, SVector};
 
 use crate::error::UkfError;
 
 /// Unit offsets and weights of a set of sigma points in L dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SigmaPoints<const L: usize> {
-    kind: Kind,
-    mean_weight_of_centre: f64,
-    covariance_weight_of_centre: f64,
-    weight: f64,
+pub struct SigmaPoints<T, const L: usize> {
+    kind: Kind<T>,
+    mean_weight_of_centre: T,
+    covariance_weight_of_centre: T,
+    weight: T,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum Kind<T> {
     /// +- this distance along each axis.
-    Axes(f64),
+    Axes(T),
     /// L + 1 corners around the centre, for corner weight 1.
     Simplex,
 }
 
-impl<const L: usize> SigmaPoints<L> {
+impl<T: Real, const L: usize> SigmaPoints<T, L> {
     /// The scaled set. Usual: `alpha` in (0, 1], `beta` 2 for Gaussians, `kappa` 0 or 3 - L.
     ///
     /// # Errors
     /// [`UkfError::InvalidSpread`] if L + lambda = alpha^2 (L + kappa) is not positive and finite,
     /// or beta is not finite.
-    pub fn scaled(alpha: f64, beta: f64, kappa: f64) -> Result<Self, UkfError> {
+    pub fn scaled(alpha: T, beta: T, kappa: T) -> Result<Self, UkfError> {
         let weights = axis_weights(L, alpha, beta, kappa)?;
         Ok(Self {
             kind: Kind::Axes(weights.distance),
@@ -65,32 +66,32 @@ impl<const L: usize> SigmaPoints<L> {
     ///
     /// # Errors
     /// [`UkfError::InvalidSpread`] if L + kappa is not positive and finite.
-    pub fn julier(kappa: f64) -> Result<Self, UkfError> {
-        Self::scaled(1.0, 0.0, kappa)
+    pub fn julier(kappa: T) -> Result<Self, UkfError> {
+        Self::scaled(T::one(), T::zero(), kappa)
     }
 
     /// The reading of the paper that is not singular: alpha = 1, beta = 0, gamma (its kappa) = 2.
     #[must_use]
     pub fn paper() -> Self {
-        Self::axes(L as f64 + 2.0, 0.0)
+        Self::axes(T::of(L as f64 + 2.0), T::zero())
     }
 
     /// The spherical simplex with the given weight of the centre.
     ///
     /// # Errors
     /// [`UkfError::InvalidSimplex`] for a weight outside [0, 1) or L = 0.
-    pub fn simplex(centre_weight: f64) -> Result<Self, UkfError> {
-        if L == 0 || !(0.0..1.0).contains(&centre_weight) {
+    pub fn simplex(centre_weight: T) -> Result<Self, UkfError> {
+        if L == 0 || !(T::zero()..T::one()).contains(&centre_weight) {
             return Err(UkfError::InvalidSimplex {
                 dimension: L,
-                value: centre_weight,
+                value: centre_weight.into(),
             });
         }
         Ok(Self {
             kind: Kind::Simplex,
             mean_weight_of_centre: centre_weight,
             covariance_weight_of_centre: centre_weight,
-            weight: (1.0 - centre_weight) / (L as f64 + 1.0),
+            weight: (T::one() - centre_weight) / T::of(L as f64 + 1.0),
         })
     }
 
@@ -105,7 +106,7 @@ impl<const L: usize> SigmaPoints<L> {
 
     /// Weight of point `index` in means.
     #[must_use]
-    pub const fn mean_weight(&self, index: usize) -> f64 {
+    pub fn mean_weight(&self, index: usize) -> T {
         if index == 0 {
             self.mean_weight_of_centre
         } else {
@@ -115,7 +116,7 @@ impl<const L: usize> SigmaPoints<L> {
 
     /// Weight of point `index` in covariances.
     #[must_use]
-    pub const fn covariance_weight(&self, index: usize) -> f64 {
+    pub fn covariance_weight(&self, index: usize) -> T {
         if index == 0 {
             self.covariance_weight_of_centre
         } else {
@@ -125,7 +126,7 @@ impl<const L: usize> SigmaPoints<L> {
 
     /// Unit offset u of point `index`; zero for the centre and beyond the last point.
     #[must_use]
-    pub fn offset(&self, index: usize) -> SVector<f64, L> {
+    pub fn offset(&self, index: usize) -> SVector<T, L> {
         let mut offset = SVector::zeros();
         if index == 0 || index >= self.count() {
             return offset;
@@ -137,8 +138,8 @@ impl<const L: usize> SigmaPoints<L> {
                 // row j (from 1) of Julier's recursion: corners up to j share -1/sqrt(j (j + 1) w),
                 // corner j + 1 has j times that with the other sign, later corners 0
                 for row in 0..L {
-                    let j = row as f64 + 1.0;
-                    let share = 1.0 / ComplexField::sqrt(j * (j + 1.0) * self.weight);
+                    let j = T::of(row as f64 + 1.0);
+                    let share = T::one() / ComplexField::sqrt(j * (j + T::one()) * self.weight);
                     if index <= row + 1 {
                         offset[row] = -share;
                     } else if index == row + 2 {
@@ -151,7 +152,7 @@ impl<const L: usize> SigmaPoints<L> {
     }
 
     /// S u of point `index`: a column of the root for the sets along axes, without the product.
-    pub(crate) fn tangent(&self, root: &SMatrix<f64, L, L>, index: usize) -> SVector<f64, L> {
+    pub(crate) fn tangent(&self, root: &SMatrix<T, L, L>, index: usize) -> SVector<T, L> {
         match self.kind {
             Kind::Axes(_) if index == 0 || index > 2 * L => SVector::zeros(),
             Kind::Axes(distance) if index <= L => root.column(index - 1) * distance,
@@ -161,10 +162,10 @@ impl<const L: usize> SigmaPoints<L> {
     }
 
     /// Pairs at this distance along each axis.
-    pub(crate) fn at_distance(distance: f64) -> Self {
+    pub(crate) fn at_distance(distance: T) -> Self {
         Self {
             kind: Kind::Axes(distance),
-            ..Self::axes(distance * distance, 0.0)
+            ..Self::axes(distance * distance, T::zero())
         }
     }
 
@@ -181,53 +182,54 @@ impl<const L: usize> SigmaPoints<L> {
         matches!(self.kind, Kind::Axes(_))
     }
 
-    fn axes(spread: f64, extra_covariance_weight: f64) -> Self {
-        let mean_weight_of_centre = (spread - L as f64) / spread;
+    fn axes(spread: T, extra_covariance_weight: T) -> Self {
+        let mean_weight_of_centre = (spread - T::of(L as f64)) / spread;
         Self {
             kind: Kind::Axes(ComplexField::sqrt(spread)),
             mean_weight_of_centre,
             covariance_weight_of_centre: mean_weight_of_centre + extra_covariance_weight,
-            weight: 0.5 / spread,
+            weight: T::of(0.5) / spread,
         }
     }
 }
 
 /// The scaled set's numbers for any dimension.
-pub(crate) struct AxisWeights {
-    pub(crate) distance: f64,
-    pub(crate) mean_of_centre: f64,
-    pub(crate) covariance_of_centre: f64,
-    pub(crate) other: f64,
+pub(crate) struct AxisWeights<T> {
+    pub(crate) distance: T,
+    pub(crate) mean_of_centre: T,
+    pub(crate) covariance_of_centre: T,
+    pub(crate) other: T,
 }
 
 /// See [`SigmaPoints::scaled`].
-pub(crate) fn axis_weights(
+pub(crate) fn axis_weights<T: Real>(
     dimension: usize,
-    alpha: f64,
-    beta: f64,
-    kappa: f64,
-) -> Result<AxisWeights, UkfError> {
-    let spread = alpha * alpha * (dimension as f64 + kappa);
-    let valid = spread > 0.0 && (1.0 / spread).is_finite() && (spread + beta).is_finite();
+    alpha: T,
+    beta: T,
+    kappa: T,
+) -> Result<AxisWeights<T>, UkfError> {
+    let spread = alpha * alpha * (T::of(dimension as f64) + kappa);
+    let valid =
+        spread > T::zero() && (T::one() / spread).is_finite() && (spread + beta).is_finite();
     if !valid {
         return Err(UkfError::InvalidSpread {
-            value: if beta.is_finite() { spread } else { beta },
+            value: if beta.is_finite() { spread } else { beta }.into(),
         });
     }
-    let mean_of_centre = (spread - dimension as f64) / spread;
+    let mean_of_centre = (spread - T::of(dimension as f64)) / spread;
     Ok(AxisWeights {
         distance: ComplexField::sqrt(spread),
         mean_of_centre,
-        covariance_of_centre: mean_of_centre + (1.0 - alpha * alpha + beta),
-        other: 0.5 / spread,
+        covariance_of_centre: mean_of_centre + (T::one() - alpha * alpha + beta),
+        other: T::of(0.5) / spread,
     })
 }
 
 /// alpha 1, beta 2, kappa 3 - L: spread sqrt(3) in every dimension, no negative weight in
 /// covariances for L <= 9 and none in means for L <= 3.
-impl<const L: usize> Default for SigmaPoints<L> {
+impl<T: Real, const L: usize> Default for SigmaPoints<T, L> {
     fn default() -> Self {
-        Self::axes(3.0, 2.0)
+        Self::axes(T::of(3.0), T::of(2.0))
     }
 }
 
@@ -236,7 +238,7 @@ mod tests {
     extern crate std;
     use super::*;
 
-    fn check_moments<const L: usize>(set: &SigmaPoints<L>, count: usize) {
+    fn check_moments<const L: usize>(set: &SigmaPoints<f64, L>, count: usize) {
         assert_eq!(set.count(), count);
         let (mut total, mut mean) = (0.0, SVector::<f64, L>::zeros());
         let mut covariance = SMatrix::<f64, L, L>::zeros();
@@ -252,12 +254,15 @@ mod tests {
     }
 
     fn check_all<const L: usize>() {
-        check_moments(&SigmaPoints::<L>::default(), 2 * L + 1);
-        check_moments(&SigmaPoints::<L>::paper(), 2 * L + 1);
-        check_moments(&SigmaPoints::<L>::scaled(0.5, 2.0, 1.0).unwrap(), 2 * L + 1);
-        check_moments(&SigmaPoints::<L>::julier(2.0).unwrap(), 2 * L + 1);
-        check_moments(&SigmaPoints::<L>::simplex(0.0).unwrap(), L + 2);
-        check_moments(&SigmaPoints::<L>::simplex(0.4).unwrap(), L + 2);
+        check_moments(&SigmaPoints::<f64, L>::default(), 2 * L + 1);
+        check_moments(&SigmaPoints::<f64, L>::paper(), 2 * L + 1);
+        check_moments(
+            &SigmaPoints::<f64, L>::scaled(0.5, 2.0, 1.0).unwrap(),
+            2 * L + 1,
+        );
+        check_moments(&SigmaPoints::<f64, L>::julier(2.0).unwrap(), 2 * L + 1);
+        check_moments(&SigmaPoints::<f64, L>::simplex(0.0).unwrap(), L + 2);
+        check_moments(&SigmaPoints::<f64, L>::simplex(0.4).unwrap(), L + 2);
     }
 
     #[test]
@@ -271,35 +276,35 @@ mod tests {
     #[test]
     fn the_printed_alpha_of_zero_is_an_error() {
         assert_eq!(
-            SigmaPoints::<3>::scaled(0.0, 0.0, 2.0),
+            SigmaPoints::<f64, 3>::scaled(0.0, 0.0, 2.0),
             Err(UkfError::InvalidSpread { value: 0.0 })
         );
-        assert!(SigmaPoints::<3>::julier(-3.0).is_err());
-        assert!(SigmaPoints::<3>::julier(-4.0).is_err());
-        assert!(SigmaPoints::<3>::scaled(f64::NAN, 2.0, 0.0).is_err());
-        assert!(SigmaPoints::<3>::scaled(1.0, f64::INFINITY, 0.0).is_err());
-        assert!(SigmaPoints::<3>::scaled(1e-200, 2.0, 0.0).is_err());
+        assert!(SigmaPoints::<f64, 3>::julier(-3.0).is_err());
+        assert!(SigmaPoints::<f64, 3>::julier(-4.0).is_err());
+        assert!(SigmaPoints::<f64, 3>::scaled(f64::NAN, 2.0, 0.0).is_err());
+        assert!(SigmaPoints::<f64, 3>::scaled(1.0, f64::INFINITY, 0.0).is_err());
+        assert!(SigmaPoints::<f64, 3>::scaled(1e-200, 2.0, 0.0).is_err());
         for weight in [-0.1, 1.0, f64::NAN] {
             assert!(matches!(
-                SigmaPoints::<3>::simplex(weight),
+                SigmaPoints::<f64, 3>::simplex(weight),
                 Err(UkfError::InvalidSimplex { dimension: 3, .. })
             ));
         }
-        assert!(SigmaPoints::<0>::simplex(0.5).is_err());
+        assert!(SigmaPoints::<f64, 0>::simplex(0.5).is_err());
     }
 
     /// The paper's weights for L = 3, written out: lambda = 2.
     #[test]
     fn the_weights_of_the_paper() {
-        let set = SigmaPoints::<3>::paper();
-        assert_eq!(set, SigmaPoints::<3>::scaled(1.0, 0.0, 2.0).unwrap());
+        let set = SigmaPoints::<f64, 3>::paper();
+        assert_eq!(set, SigmaPoints::<f64, 3>::scaled(1.0, 0.0, 2.0).unwrap());
         assert!((set.mean_weight(0) - 0.4).abs() < 1e-15);
         assert!((set.covariance_weight(0) - 0.4).abs() < 1e-15);
         assert!((set.mean_weight(4) - 0.1).abs() < 1e-15);
         assert!((set.offset(5)[1] + 5.0_f64.sqrt()).abs() < 1e-15);
         assert_eq!(
-            SigmaPoints::<3>::default(),
-            SigmaPoints::<3>::scaled(1.0, 2.0, 0.0).unwrap()
+            SigmaPoints::<f64, 3>::default(),
+            SigmaPoints::<f64, 3>::scaled(1.0, 2.0, 0.0).unwrap()
         );
     }
 }

@@ -13,7 +13,7 @@
 //! (m_k, P_k) after each update. On a manifold m_(k+1)^s - x^- is the tangent at x^-, taken
 //! as one at m_(k+1)^s for the covariances.
 
-use estimation_base::{Manifold, symmetric};
+use estimation_base::{Manifold, Real, symmetric};
 use nalgebra::SMatrix;
 
 use crate::covariance::{covariance_root, finite};
@@ -25,11 +25,11 @@ use crate::transform::Images;
 
 /// A Gaussian state at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate<X, const L: usize> {
+pub struct Estimate<T, X, const L: usize> {
     /// Mean.
     pub mean: X,
     /// Covariance in the tangent at the mean, symmetric.
-    pub covariance: SMatrix<f64, L, L>,
+    pub covariance: SMatrix<T, L, L>,
 }
 
 /// Smooths `filtered`, the states after their updates in order of time, into `smoothed`, as long.
@@ -43,11 +43,11 @@ pub struct Estimate<X, const L: usize> {
 /// [`UkfError::Length`] for slices of different lengths; as [`crate::unscented_transform`] for a filtered state;
 /// [`UkfError::Covariance`] for a predicted covariance that is only semidefinite. States after
 /// the failing one are then smoothed, `filtered` is as it was.
-pub fn rts_smooth<X: Manifold<L>, const L: usize>(
-    filtered: &[Estimate<X, L>],
-    smoothed: &mut [Estimate<X, L>],
-    set: &SigmaPoints<L>,
-    mut process_noise: impl FnMut(usize) -> SMatrix<f64, L, L>,
+pub fn rts_smooth<T: Real, X: Manifold<L, T>, const L: usize>(
+    filtered: &[Estimate<T, X, L>],
+    smoothed: &mut [Estimate<T, X, L>],
+    set: &SigmaPoints<T, L>,
+    mut process_noise: impl FnMut(usize) -> SMatrix<T, L, L>,
     mut transition: impl FnMut(usize, &X) -> X,
 ) -> Result<(), UkfError> {
     if smoothed.len() != filtered.len() {
@@ -67,9 +67,9 @@ pub fn rts_smooth<X: Manifold<L>, const L: usize>(
         let root = covariance_root(&now.covariance, Step::SigmaPoints)?;
         let noise = covariance_root(&process_noise(k), Step::Prediction)?;
         let points = Placed::new(&now.mean, root.lower(), set)?;
-        let images: Images<X, L, L> =
+        let images: Images<T, X, L, L> =
             Images::new(&now.mean, &points, &mut |x: &X| transition(k, x))?;
-        let joint: Joint<L, L> = Joint::of_points(noise.lower(), points.count(), |index| {
+        let joint: Joint<T, L, L> = Joint::of_points(noise.lower(), points.count(), |index| {
             let weight = points.covariance_weight(index);
             (images.difference(index), points.tangent(index), weight)
         })?;

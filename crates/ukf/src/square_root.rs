@@ -14,9 +14,10 @@
 //! downdate, the only step that can fail, and an error that carries step and pivot then.
 //!
 //! [`crate::Ukf`] carries the same factor from step to step; it takes and shows covariances. Noise is given here as its
-//! factor ([`Cholesky`]), made once. Cost of a step: (2 L + 1) calls of the function and about 4 L^3 multiplications.
+//! factor ([`CholeskyFactor`]), made once. Cost of a step: (2 L + 1) calls of the function and about 4 L^3 multiplications.
 
-use estimation_base::{Cholesky, Manifold};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{Manifold, Real};
 use nalgebra::SMatrix;
 
 use crate::covariance::finite;
@@ -30,18 +31,22 @@ use crate::update::correct;
 
 /// A Gaussian state, its covariance by its Cholesky factor, and its sigma points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SquareRootUkf<X, const L: usize> {
+pub struct SquareRootUkf<T, X, const L: usize> {
     mean: X,
-    root: Cholesky<L>,
-    set: SigmaPoints<L>,
+    root: CholeskyFactor<T, L>,
+    set: SigmaPoints<T, L>,
 }
 
-impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
+impl<T: Real, X: Manifold<L, T>, const L: usize> SquareRootUkf<T, X, L> {
     /// A filter starting at `mean` with the covariance of which `root` is the factor.
     ///
     /// # Errors
     /// [`UkfError::NotFinite`] for the mean.
-    pub fn new(mean: X, root: Cholesky<L>, set: SigmaPoints<L>) -> Result<Self, UkfError> {
+    pub fn new(
+        mean: X,
+        root: CholeskyFactor<T, L>,
+        set: SigmaPoints<T, L>,
+    ) -> Result<Self, UkfError> {
         finite(mean.local(&mean), Step::SigmaPoints, "the mean")?;
         Ok(Self { mean, root, set })
     }
@@ -52,12 +57,12 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     }
 
     /// The factor of the covariance in the tangent at the mean.
-    pub const fn root(&self) -> &Cholesky<L> {
+    pub const fn root(&self) -> &CholeskyFactor<T, L> {
         &self.root
     }
 
     /// The covariance, formed anew: L^3 multiplications.
-    pub fn covariance(&self) -> SMatrix<f64, L, L> {
+    pub fn covariance(&self) -> SMatrix<T, L, L> {
         self.root.product()
     }
 
@@ -68,7 +73,7 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     /// centre's negative weight takes more than the other points hold. The state is then unchanged.
     pub fn predict(
         &mut self,
-        process_noise: &Cholesky<L>,
+        process_noise: &CholeskyFactor<T, L>,
         mut function: impl FnMut(&X) -> X,
     ) -> Result<(), UkfError> {
         let points = Placed::new(&self.mean, self.root.lower(), &self.set)?;
@@ -89,12 +94,12 @@ impl<X: Manifold<L>, const L: usize> SquareRootUkf<X, L> {
     /// [`UkfError::NotFinite`] for the measurement or a value of the function;
     /// [`UkfError::Covariance`] for an innovation without variance in some direction, or if
     /// the centre's negative weight takes more than the other points hold. The state is then unchanged.
-    pub fn update<Z: Manifold<M>, const M: usize>(
+    pub fn update<Z: Manifold<M, T>, const M: usize>(
         &mut self,
         measurement: &Z,
-        measurement_noise: &Cholesky<M>,
+        measurement_noise: &CholeskyFactor<T, M>,
         mut function: impl FnMut(&X) -> Z,
-    ) -> Result<Innovation<M>, UkfError> {
+    ) -> Result<Innovation<T, M>, UkfError> {
         let corrected = correct(
             &self.mean,
             &self.root,

@@ -14,7 +14,9 @@
 //! spread of the points (bearing to something nearer than its own uncertainty). Cost: one
 //! Cholesky factorisation and one call of f per point.
 
-use estimation_base::Manifold;
+use core::marker::PhantomData;
+
+use estimation_base::{Manifold, Real};
 use nalgebra::{SMatrix, SVector};
 
 use crate::covariance::{finite, semidefinite};
@@ -27,13 +29,13 @@ const MEAN_ITERATIONS: usize = 10;
 
 /// The outcome of the transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Transformed<Y, const L: usize, const M: usize> {
+pub struct Transformed<T, Y, const L: usize, const M: usize> {
     /// Mean of f(x).
     pub mean: Y,
     /// Covariance of f(x) in the tangent at the mean, M x M, without noise.
-    pub covariance: SMatrix<f64, M, M>,
+    pub covariance: SMatrix<T, M, M>,
     /// Covariance of x with f(x), L x M.
-    pub cross_covariance: SMatrix<f64, L, M>,
+    pub cross_covariance: SMatrix<T, L, M>,
 }
 
 /// Pushes the Gaussian (`mean`, `covariance`) through `function`.
@@ -43,27 +45,27 @@ pub struct Transformed<Y, const L: usize, const M: usize> {
 /// # Errors
 /// [`UkfError::Covariance`] for an indefinite covariance (a semidefinite one is accepted) or one that is not finite,
 /// [`UkfError::TooWide`] for a heading beyond about 4.9 rad (default points), [`UkfError::NotFinite`] for NaN or infinity in the mean or a value.
-pub fn unscented_transform<X, Y, const L: usize, const M: usize>(
+pub fn unscented_transform<T: Real, X, Y, const L: usize, const M: usize>(
     mean: &X,
-    covariance: &SMatrix<f64, L, L>,
-    set: &SigmaPoints<L>,
+    covariance: &SMatrix<T, L, L>,
+    set: &SigmaPoints<T, L>,
     mut function: impl FnMut(&X) -> Y,
-) -> Result<Transformed<Y, L, M>, UkfError>
+) -> Result<Transformed<T, Y, L, M>, UkfError>
 where
-    X: Manifold<L>,
-    Y: Manifold<M>,
+    X: Manifold<L, T>,
+    Y: Manifold<M, T>,
 {
     let root = semidefinite(covariance, Step::SigmaPoints)?;
     let points = Placed::new(mean, root.lower(), set)?;
     let images = Images::new(mean, &points, &mut function)?;
-    let mut cross_covariance = SMatrix::<f64, L, M>::zeros();
-    let mut image_covariance = SMatrix::<f64, M, M>::zeros();
+    let mut cross_covariance = SMatrix::<T, L, M>::zeros();
+    let mut image_covariance = SMatrix::<T, M, M>::zeros();
     for index in 0..points.count() {
         // in place: no matrix for each point
         let difference = images.difference(index);
         let weighted = difference * points.covariance_weight(index);
-        cross_covariance.ger(1.0, &points.tangent(index), &weighted, 1.0);
-        image_covariance.ger(1.0, &difference, &weighted, 1.0);
+        cross_covariance.ger(T::one(), &points.tangent(index), &weighted, T::one());
+        image_covariance.ger(T::one(), &difference, &weighted, T::one());
     }
     Ok(Transformed {
         mean: images.mean,
@@ -73,20 +75,21 @@ where
 }
 
 /// The values of a function at the sigma points, and their mean.
-pub(crate) struct Images<Y, const L: usize, const M: usize> {
+pub(crate) struct Images<T, Y, const L: usize, const M: usize> {
     /// The mean of the values.
     pub(crate) mean: Y,
     centre: Y,
     // point 0, then L and L more: every set has at most 2 L + 1 points
     first: [Y; L],
     second: [Y; L],
+    scalar: PhantomData<T>,
 }
 
-impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
+impl<T: Real, Y: Manifold<M, T>, const L: usize, const M: usize> Images<T, Y, L, M> {
     /// The values at the points around `mean`.
-    pub(crate) fn new<X: Manifold<L>>(
+    pub(crate) fn new<X: Manifold<L, T>>(
         mean: &X,
-        points: &Placed<'_, L>,
+        points: &Placed<'_, T, L>,
         function: &mut impl FnMut(&X) -> Y,
     ) -> Result<Self, UkfError> {
         let centre = function(mean);
@@ -104,6 +107,7 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
             centre,
             first,
             second,
+            scalar: PhantomData,
         };
         images.mean = mean_of_points(&images.centre, points.count(), |index| {
             (images.at(index), points.mean_weight(index))
@@ -112,7 +116,7 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
     }
 
     /// From the mean of the values to the value at point `index`.
-    pub(crate) fn difference(&self, index: usize) -> SVector<f64, M> {
+    pub(crate) fn difference(&self, index: usize) -> SVector<T, M> {
         self.mean.local(self.at(index))
     }
 
@@ -126,15 +130,15 @@ impl<Y: Manifold<M>, const L: usize, const M: usize> Images<Y, L, M> {
 }
 
 /// The weighted mean of `count` points on a manifold, from `start`.
-pub(crate) fn mean_of_points<'a, Y: Manifold<M> + 'a, const M: usize>(
+pub(crate) fn mean_of_points<'a, T: Real, Y: Manifold<M, T> + 'a, const M: usize>(
     start: &Y,
     count: usize,
-    point: impl Fn(usize) -> (&'a Y, f64),
+    point: impl Fn(usize) -> (&'a Y, T),
 ) -> Result<Y, UkfError> {
     let mut center = start.clone();
     for _ in 0..MEAN_ITERATIONS {
-        let mut offset = SVector::<f64, M>::zeros();
-        let mut spread = 0.0;
+        let mut offset = SVector::<T, M>::zeros();
+        let mut spread = T::zero();
         for index in 0..count {
             let (image, weight) = point(index);
             let difference = center.local(image);
@@ -143,7 +147,7 @@ pub(crate) fn mean_of_points<'a, Y: Manifold<M> + 'a, const M: usize>(
         }
         let offset = finite(offset, Step::Function, "the function's value")?;
         center = center.retract(&offset);
-        if offset.norm_squared() <= f64::EPSILON * f64::EPSILON * spread {
+        if offset.norm_squared() <= T::EPSILON * T::EPSILON * spread {
             break;
         }
     }

@@ -17,7 +17,8 @@
 //! 1e16 of one another. With a centre of negative weight (alpha far below 1, beta 0) there may be no such sum, which is an
 //! error. On a manifold the small change of tangent between x and x' is neglected.
 
-use estimation_base::{Cholesky, Manifold};
+use estimation_base::generic::CholeskyFactor;
+use estimation_base::{Manifold, Real};
 use nalgebra::{SMatrix, SVector};
 
 use crate::covariance::covariance_root;
@@ -30,13 +31,13 @@ use crate::transform::Images;
 
 /// A Gaussian after a measurement, and how well the measurement fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Update<X, const L: usize, const M: usize> {
+pub struct Update<T, X, const L: usize, const M: usize> {
     /// Updated mean.
     pub mean: X,
     /// Updated covariance, symmetric.
-    pub covariance: SMatrix<f64, L, L>,
+    pub covariance: SMatrix<T, L, L>,
     /// How well the measurement fitted the Gaussian before the update.
-    pub innovation: Innovation<M>,
+    pub innovation: Innovation<T, M>,
 }
 
 /// Updates a Gaussian vector, such as a landmark, by a measurement z = h(x) + noise of covariance R,
@@ -44,13 +45,13 @@ pub struct Update<X, const L: usize, const M: usize> {
 ///
 /// # Errors
 /// See [`unscented_correction`].
-pub fn unscented_update<const L: usize, const M: usize>(
-    mean: &SVector<f64, L>,
-    covariance: &SMatrix<f64, L, L>,
-    measurement: &SVector<f64, M>,
-    noise: &SMatrix<f64, M, M>,
-    function: impl FnMut(&SVector<f64, L>) -> SVector<f64, M>,
-) -> Result<Update<SVector<f64, L>, L, M>, UkfError> {
+pub fn unscented_update<T: Real, const L: usize, const M: usize>(
+    mean: &SVector<T, L>,
+    covariance: &SMatrix<T, L, L>,
+    measurement: &SVector<T, M>,
+    noise: &SMatrix<T, M, M>,
+    function: impl FnMut(&SVector<T, L>) -> SVector<T, M>,
+) -> Result<Update<T, SVector<T, L>, L, M>, UkfError> {
     unscented_correction(
         mean,
         covariance,
@@ -71,17 +72,17 @@ pub fn unscented_update<const L: usize, const M: usize>(
 /// [`UkfError::TooWide`] as [`crate::unscented_transform`]; [`UkfError::Covariance`], with the step, for a covariance or noise
 /// that is not symmetric, not finite or not positive semidefinite, and with the pivot where S is not positive definite or a
 /// centre of negative weight takes more than the other points hold.
-pub fn unscented_correction<X, Z, const L: usize, const M: usize>(
+pub fn unscented_correction<T: Real, X, Z, const L: usize, const M: usize>(
     mean: &X,
-    covariance: &SMatrix<f64, L, L>,
-    set: &SigmaPoints<L>,
+    covariance: &SMatrix<T, L, L>,
+    set: &SigmaPoints<T, L>,
     measurement: &Z,
-    noise: &SMatrix<f64, M, M>,
+    noise: &SMatrix<T, M, M>,
     mut function: impl FnMut(&X) -> Z,
-) -> Result<Update<X, L, M>, UkfError>
+) -> Result<Update<T, X, L, M>, UkfError>
 where
-    X: Manifold<L>,
-    Z: Manifold<M>,
+    X: Manifold<L, T>,
+    Z: Manifold<M, T>,
 {
     let root = covariance_root(covariance, Step::SigmaPoints)?;
     let noise = covariance_root(noise, Step::Innovation)?;
@@ -94,17 +95,17 @@ where
 }
 
 /// The update of a Gaussian whose factor is known, by a measurement whose noise is.
-pub(crate) fn correct<X, Z, const L: usize, const M: usize>(
+pub(crate) fn correct<T: Real, X, Z, const L: usize, const M: usize>(
     mean: &X,
-    root: &Cholesky<L>,
-    set: &SigmaPoints<L>,
+    root: &CholeskyFactor<T, L>,
+    set: &SigmaPoints<T, L>,
     measurement: &Z,
-    noise: &Cholesky<M>,
+    noise: &CholeskyFactor<T, M>,
     function: &mut impl FnMut(&X) -> Z,
-) -> Result<Corrected<M, L>, UkfError>
+) -> Result<Corrected<T, M, L>, UkfError>
 where
-    X: Manifold<L>,
-    Z: Manifold<M>,
+    X: Manifold<L, T>,
+    Z: Manifold<M, T>,
 {
     let points = Placed::new(mean, root.lower(), set)?;
     let images = Images::new(mean, &points, function)?;

@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use estimation_base::{Cholesky, CholeskyError, check_symmetric, cholesky_in_place, symmetric};
+use estimation_base::{
+    CholeskyError, CholeskyFactor, check_symmetric, cholesky_in_place, symmetric,
+};
 use nalgebra::{DMatrix, Matrix2, Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -48,10 +50,10 @@ proptest! {
         // below that the smallest eigenvalue of the matrix as stored is uncertain by more than itself
         prop_assume!(condition < 1e12);
         check_symmetric(&matrix).unwrap();
-        let factor = Cholesky::definite(&matrix).unwrap();
+        let factor = CholeskyFactor::definite(&matrix).unwrap();
         prop_assert!((factor.product() - matrix).amax() < 16.0 * f64::EPSILON * largest);
         prop_assert_eq!(*factor.lower(), factor.lower().lower_triangle());
-        prop_assert_eq!(Cholesky::semidefinite(&matrix).unwrap(), factor);
+        prop_assert_eq!(CholeskyFactor::semidefinite(&matrix).unwrap(), factor);
 
         let right = Vector4::from(right);
         let tolerance = 64.0 * f64::EPSILON * condition;
@@ -80,7 +82,7 @@ proptest! {
         // small integers: the products are exact
         let root = Matrix4::from_fn(|i, j| if j < rank { entries[4 * j + i].round() } else { 0.0 });
         let matrix = root * root.transpose();
-        let factor = Cholesky::semidefinite(&matrix);
+        let factor = CholeskyFactor::semidefinite(&matrix);
         if let Ok(factor) = factor {
             prop_assert!((factor.product() - matrix).amax() < 1e-6 * (1.0 + matrix.amax()));
         }
@@ -88,7 +90,7 @@ proptest! {
             prop_assert_eq!(*factor.unwrap().lower(), Matrix4::zeros());
         }
         if rank < 2 {
-            let failed = Cholesky::definite(&matrix);
+            let failed = CholeskyFactor::definite(&matrix);
             let named = matches!(failed, Err(CholeskyError::NotPositiveDefinite { .. }));
             prop_assert!(named, "{failed:?}");
         }
@@ -101,8 +103,8 @@ proptest! {
         let mut values = values;
         values[which] = -1e-6 * values.max();
         let matrix = symmetric(&(q * Matrix4::from_diagonal(&values) * q.transpose()));
-        prop_assert!(Cholesky::definite(&matrix).is_err());
-        prop_assert!(Cholesky::semidefinite(&matrix).is_err());
+        prop_assert!(CholeskyFactor::definite(&matrix).is_err());
+        prop_assert!(CholeskyFactor::semidefinite(&matrix).is_err());
     }
 
     /// Scaling the variables by powers of two scales the factor, bit for bit: the test knows no units.
@@ -112,7 +114,7 @@ proptest! {
         let matrix = symmetric(&(root * root.transpose()));
         let units = Vector3::from(exponents.map(|e| 2.0_f64.powi(e)));
         let scaled = matrix.map_with_location(|i, j, entry| entry * units[i] * units[j]);
-        match (Cholesky::definite(&matrix), Cholesky::definite(&scaled)) {
+        match (CholeskyFactor::definite(&matrix), CholeskyFactor::definite(&scaled)) {
             (Ok(one), Ok(other)) => {
                 let expected = one.lower().map_with_location(|i, _, entry| entry * units[i]);
                 prop_assert_eq!(*other.lower(), expected);
@@ -125,14 +127,14 @@ proptest! {
 #[test]
 fn solves_and_densities_of_a_known_matrix() {
     let root = Matrix3::new(2.0, 0.0, 0.0, -1.0, 0.5, 0.0, 3.0, 1.0, 1e-3);
-    let factor = Cholesky::definite(&(root * root.transpose())).unwrap();
+    let factor = CholeskyFactor::definite(&(root * root.transpose())).unwrap();
     // the last pivot, 1e-6 beside 10, keeps eps * 10 / 1e-6 of its digits
     assert!((factor.lower() - root).amax() < 1e-8);
-    let plane = Cholesky::definite(&Matrix2::new(2.0, 0.5, 0.5, 1.0)).unwrap();
+    let plane = CholeskyFactor::definite(&Matrix2::new(2.0, 0.5, 0.5, 1.0)).unwrap();
     // det 1.75, d^T P^-1 d = (1 - 1 + 2) / 1.75 for d = (1, 1)
     let expected = -0.5 * (2.0 / 1.75 + 1.75_f64.ln()) - TAU.ln();
     assert!((plane.log_density(&Vector2::new(1.0, 1.0)) - expected).abs() < 1e-15);
-    let known = Cholesky::from_lower(&root).unwrap();
+    let known = CholeskyFactor::from_lower(&root).unwrap();
     assert_eq!(*known.lower(), root);
     assert_eq!(known.product(), root * root.transpose());
 }
@@ -142,8 +144,8 @@ fn wrong_matrices_are_named() {
     let indefinite = Matrix2::new(1.0, 2.0, 2.0, 1.0);
     let rounding = 2.0 * f64::EPSILON;
     for (result, required) in [
-        (Cholesky::definite(&indefinite), rounding),
-        (Cholesky::semidefinite(&indefinite), -rounding),
+        (CholeskyFactor::definite(&indefinite), rounding),
+        (CholeskyFactor::semidefinite(&indefinite), -rounding),
     ] {
         let (pivot, value) = (1, -3.0);
         let expected = CholeskyError::NotPositiveDefinite {
@@ -153,9 +155,9 @@ fn wrong_matrices_are_named() {
         };
         assert_eq!(result, Err(expected));
     }
-    assert!(Cholesky::definite(&Matrix2::zeros()).is_err());
+    assert!(CholeskyFactor::definite(&Matrix2::zeros()).is_err());
     assert_eq!(
-        Cholesky::semidefinite(&Matrix2::new(0.0, 1e-3, 1e-3, 1.0)),
+        CholeskyFactor::semidefinite(&Matrix2::new(0.0, 1e-3, 1e-3, 1.0)),
         Err(CholeskyError::CovarianceWithoutVariance {
             pivot: 0,
             row: 1,
@@ -169,7 +171,7 @@ fn wrong_matrices_are_named() {
         Err(CholeskyError::NotSymmetric { row: 1, column: 0, difference }) if (difference - 0.1).abs() < 1e-15
     ));
     assert!(matches!(
-        Cholesky::from_lower(&Matrix2::new(1.0, 0.0, 0.0, -1.0)),
+        CholeskyFactor::from_lower(&Matrix2::new(1.0, 0.0, 0.0, -1.0)),
         Err(CholeskyError::NotPositiveDefinite { pivot: 1, .. })
     ));
 }
@@ -181,24 +183,29 @@ fn numbers_that_are_not_finite_are_named() {
             let mut matrix = Matrix3::identity();
             matrix[(row, column)] = wrong;
             let named = |error| matches!(error, CholeskyError::NotFinite { row: r, column: c, .. } if (r, c) == (row, column));
-            assert!(named(Cholesky::definite(&matrix).unwrap_err()));
-            assert!(named(Cholesky::semidefinite(&matrix).unwrap_err()));
-            assert!(named(Cholesky::from_lower(&matrix).unwrap_err()));
+            assert!(named(CholeskyFactor::definite(&matrix).unwrap_err()));
+            assert!(named(CholeskyFactor::semidefinite(&matrix).unwrap_err()));
+            assert!(named(CholeskyFactor::from_lower(&matrix).unwrap_err()));
             assert!(named(check_symmetric(&matrix).unwrap_err()));
         }
     }
     // overflow on the way is no zero pivot
     let mut large = Matrix2::new(1e-200, 1e200, 1e200, 1e300);
-    assert!(Cholesky::semidefinite(&large).is_err() && Cholesky::definite(&large).is_err());
+    assert!(
+        CholeskyFactor::semidefinite(&large).is_err() && CholeskyFactor::definite(&large).is_err()
+    );
     // what is above the diagonal is not read
     large = Matrix2::new(4.0, f64::NAN, 2.0, 2.0);
-    assert_eq!(Cholesky::definite(&large).unwrap().lower()[(1, 0)], 1.0);
+    assert_eq!(
+        CholeskyFactor::definite(&large).unwrap().lower()[(1, 0)],
+        1.0
+    );
     assert!(check_symmetric(&large).is_err());
 }
 
 #[test]
 fn nothing_is_a_matrix_too() {
-    let factor = Cholesky::definite(&SMatrix::<f64, 0, 0>::zeros()).unwrap();
+    let factor = CholeskyFactor::definite(&SMatrix::<f64, 0, 0>::zeros()).unwrap();
     assert_eq!(factor.mahalanobis_squared(&SVector::<f64, 0>::zeros()), 0.0);
     assert_eq!(factor.log_determinant(), 0.0);
 }

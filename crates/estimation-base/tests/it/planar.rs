@@ -133,6 +133,6 @@ fn the_branches_of_the_series_meet() {
     assert_eq!(series::versine_over_x(0.0), 0.0);
     assert_eq!(series::versine_over_x2(0.0), 0.5);
     assert_eq!(series::x_minus_sin_over_x3(0.0), 1.0 / 6.0);
-    let tiny = 1e-9;
+    let tiny = 1e-9_f64;
     assert!((series::versine_over_x(tiny) - 0.5 * tiny).abs() < 1e-25);
 }

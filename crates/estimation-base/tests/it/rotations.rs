@@ -45,7 +45,7 @@ proptest! {
 
 #[test]
 fn a_small_angle_keeps_its_digits_relative_to_itself() {
-    let tangent = Vector3::new(3e-9, -1e-9, 2e-9);
+    let tangent = Vector3::new(3e-9_f64, -1e-9, 2e-9);
     let back = UnitQuaternion::identity().local(&UnitQuaternion::identity().retract(&tangent));
     assert!((back - tangent).norm() < 4.0 * f64::EPSILON * tangent.norm());
     // the arc cosine of w = 1 - 1.75e-18 would be 0

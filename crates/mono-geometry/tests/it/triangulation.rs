@@ -1,7 +1,7 @@
 //! Triangulation: exact views, the least-squares minimum, consistency by Monte Carlo, every refusal with its value.
 
 use crate::common::{config, gauss, look_at, pinhole, see};
-use estimation_base::Cholesky;
+use estimation_base::CholeskyFactor;
 use mono_geometry::triangulation::{
     Acceptance, Observation, Rejection, linear, midpoint, triangulate,
 };
@@ -45,7 +45,7 @@ proptest! {
         let lowest = cameras[0].translation - target;
         let highest = cameras[views - 1].translation - target;
         prop_assert!((result.parallax_rad - lowest.angle(&highest)).abs() < 1e-9);
-        prop_assert!(Cholesky::definite(&result.covariance).is_ok());
+        prop_assert!(CholeskyFactor::definite(&result.covariance).is_ok());
     }
 
 

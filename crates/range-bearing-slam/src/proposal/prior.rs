@@ -3,7 +3,7 @@
 use crate::covariance::definite;
 use crate::error::RangeBearingError;
 use crate::models::MotionModel;
-use estimation_base::{Cholesky, symmetric};
+use estimation_base::{CholeskyFactor, symmetric};
 use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ pub(crate) struct MotionPrior<const D: usize> {
     /// Q.
     pub(crate) covariance: SMatrix<f64, D, D>,
     /// The factor of Q.
-    pub(crate) factor: Cholesky<D>,
+    pub(crate) factor: CholeskyFactor<D>,
 }
 
 impl<const D: usize> MotionPrior<D> {
@@ -38,7 +38,7 @@ impl<const D: usize> MotionPrior<D> {
     /// Q^-1 and its factor.
     pub(crate) fn information(
         &self,
-    ) -> Result<(SMatrix<f64, D, D>, Cholesky<D>), RangeBearingError> {
+    ) -> Result<(SMatrix<f64, D, D>, CholeskyFactor<D>), RangeBearingError> {
         let information = symmetric(&self.factor.solve(&SMatrix::identity()));
         Ok((information, definite(&information, "motion model")?))
     }
@@ -48,7 +48,7 @@ impl<const D: usize> MotionPrior<D> {
     pub(crate) fn draw_posterior(
         &self,
         mean: &SVector<f64, D>,
-        information: &Cholesky<D>,
+        information: &CholeskyFactor<D>,
         rng: &mut ChaCha8Rng,
     ) -> (SVector<f64, D>, f64) {
         let draw = standard_normal(rng);

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector1, Vector2, Vector3};
 use proptest::prelude::*;
 use ukf::{
-    AugmentedPoints, Cholesky, Estimate, Iterations, Measured, SigmaPoints, SquareRootUkf, Ukf,
-    rts_smooth, stacked_workspace, unscented_update,
+    AugmentedPoints, CholeskyFactor, Estimate, Iterations, Measured, SigmaPoints, SquareRootUkf,
+    Ukf, rts_smooth, stacked_workspace, unscented_update,
 };
 
 type Scalar = SMatrix<f64, 1, 1>;
@@ -91,7 +91,7 @@ proptest! {
         let mut plain = start;
         let mut augmented = start;
         let mut iterated = start;
-        let mut square_root = SquareRootUkf::new(Vector2::zeros(), Cholesky::semidefinite(&p).unwrap(), set).unwrap();
+        let mut square_root = SquareRootUkf::new(Vector2::zeros(), CholeskyFactor::semidefinite(&p).unwrap(), set).unwrap();
         let points = AugmentedPoints::<2, 1>::scaled(1.0, 2.0, 0.0).unwrap();
         for _ in 0..repeats {
             plain.update(&z, &r, h).unwrap();
@@ -100,7 +100,7 @@ proptest! {
             augmented.predict(&Matrix2::zeros(), |x| *x).unwrap();
             iterated.update_iterated(&z, &r, &Iterations::default(), h).unwrap();
             iterated.predict(&Matrix2::zeros(), |x| *x).unwrap();
-            square_root.update(&z, &Cholesky::definite(&r).unwrap(), h).unwrap();
+            square_root.update(&z, &CholeskyFactor::definite(&r).unwrap(), h).unwrap();
         }
         let blocks = vec![Measured { value: z, noise: r }; repeats];
         let mut sequential = start;

@@ -5,8 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use ukf::{
-    AugmentedPoints, Cholesky, CholeskyError, Measured, SigmaPoints, SquareRootUkf, Step, Ukf,
-    UkfError, stacked_workspace,
+    AugmentedPoints, CholeskyError, CholeskyFactor, Measured, SigmaPoints, SquareRootUkf, Step,
+    Ukf, UkfError, stacked_workspace,
 };
 
 fn normal<const R: usize, const C: usize>(rng: &mut ChaCha8Rng) -> SMatrix<f64, R, C> {
@@ -71,13 +71,13 @@ fn check_size<const L: usize, const M: usize>(seed: u64) {
     let start = normal::<L, 1>(&mut rng);
     let measurements: Vec<SVector<f64, M>> = (0..10).map(|_| normal::<M, 1>(&mut rng)).collect();
     let (q_root, r_root) = (
-        Cholesky::definite(&q).expect("a positive definite problem"),
-        Cholesky::definite(&r).expect("a positive definite problem"),
+        CholeskyFactor::definite(&q).expect("a positive definite problem"),
+        CholeskyFactor::definite(&r).expect("a positive definite problem"),
     );
     for set in sets::<L>() {
         let mut plain = Ukf::new(start, p, set).expect("a positive definite problem");
         let mut augmented = plain;
-        let root = Cholesky::definite(&p).expect("a positive definite problem");
+        let root = CholeskyFactor::definite(&p).expect("a positive definite problem");
         let mut square_root =
             SquareRootUkf::new(start, root, set).expect("a positive definite problem");
         let (mut mean, mut cov) = (start, p);

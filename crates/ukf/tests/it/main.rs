@@ -3,7 +3,10 @@
 mod conditioning;
 mod consistency;
 mod linear;
+mod names;
 mod oracle;
+mod products;
+mod single_precision;
 mod smoother;
 mod square_root;
 mod val_filterpy;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector1, Vector2, 
 use proptest::prelude::*;
 use std::f64::consts::PI;
 use ukf::{
-    Angle, Cholesky, CholeskyError, Manifold, Se2, SigmaPoints, Step, Ukf, UkfError,
+    Angle, CholeskyError, CholeskyFactor, Manifold, Se2, SigmaPoints, Step, Ukf, UkfError,
     unscented_correction, unscented_transform, unscented_update,
 };
 
@@ -333,10 +333,10 @@ fn a_semidefinite_prior_is_updated_where_it_can_be() {
     // an off-diagonal entry beside a zero variance is not semidefinite
     let broken = Matrix2::new(0.0, 0.1, 0.1, 1.0);
     assert!(matches!(
-        Cholesky::semidefinite(&broken),
+        CholeskyFactor::semidefinite(&broken),
         Err(CholeskyError::CovarianceWithoutVariance { pivot: 0, .. })
     ));
-    assert!(Cholesky::definite(&p).is_err());
+    assert!(CholeskyFactor::definite(&p).is_err());
 }
 
 /// A measurement 1e8 times as precise as the prior, again and again: symmetric and accepted always.

@@ -171,7 +171,7 @@ fn bad_smoother_input_is_an_error() {
         })
     );
     assert_eq!(
-        rts_smooth::<Vector2<f64>, 2>(&[], &mut [], &set, one, stay),
+        rts_smooth::<f64, Vector2<f64>, 2>(&[], &mut [], &set, one, stay),
         Ok(())
     );
     let lost = Estimate {

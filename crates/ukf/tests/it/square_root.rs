@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use ukf::{
-    Angle, AugmentedPoints, Cholesky, CholeskyError, SigmaPoints, SquareRootUkf, Step, Ukf,
+    Angle, AugmentedPoints, CholeskyError, CholeskyFactor, SigmaPoints, SquareRootUkf, Step, Ukf,
     UkfError, augmented_transform, unscented_transform,
 };
 
@@ -37,9 +37,9 @@ fn ill_conditioned() -> IllConditioned {
 #[test]
 fn a_million_steps_stay_positive_definite() {
     let model = ill_conditioned();
-    let q = Cholesky::semidefinite(&model.q).unwrap();
-    let r = Cholesky::definite(&Scalar::new(model.r)).unwrap();
-    let start = Cholesky::definite(&model.start).unwrap();
+    let q = CholeskyFactor::semidefinite(&model.q).unwrap();
+    let r = CholeskyFactor::definite(&Scalar::new(model.r)).unwrap();
+    let start = CholeskyFactor::definite(&model.start).unwrap();
     let mut filter = SquareRootUkf::new(Vector3::zeros(), start, SigmaPoints::default()).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut truth = Vector3::new(300.0, -20.0, 1.0);
@@ -117,9 +117,9 @@ fn on_curved_models_both_forms_agree() {
         Matrix2::new(0.1, 0.02, 0.02, 0.2),
     );
     let mut plain = Ukf::new(Angle::new(3.0), p, set).unwrap();
-    let root = |m: &Scalar| Cholesky::definite(m).unwrap();
+    let root = |m: &Scalar| CholeskyFactor::definite(m).unwrap();
     let mut square_root = SquareRootUkf::new(Angle::new(3.0), root(&p), set).unwrap();
-    let r_root = Cholesky::definite(&r).unwrap();
+    let r_root = CholeskyFactor::definite(&r).unwrap();
     for step in 0..50 {
         let turn = |x: &Angle| Angle::new(x.radians() + 0.2 + 0.05 * x.radians().sin());
         let see = |x: &Angle| Vector2::new(x.radians().cos(), 2.0 * x.radians().sin());
@@ -141,8 +141,8 @@ fn on_curved_models_both_forms_agree() {
 #[test]
 fn a_failed_downdate_is_an_error_with_step_and_pivot() {
     let set = SigmaPoints::<1>::julier(-0.5).unwrap();
-    let one = Cholesky::definite(&Scalar::new(1.0)).unwrap();
-    let tiny = Cholesky::definite(&Scalar::new(1e-4)).unwrap();
+    let one = CholeskyFactor::definite(&Scalar::new(1.0)).unwrap();
+    let tiny = CholeskyFactor::definite(&Scalar::new(1e-4)).unwrap();
     let mut filter = SquareRootUkf::new(Vector1::new(0.0), one, set).unwrap();
     let before = filter;
     // values 0, 1/2, 1/2: mean 1, deviations -1, -1/2, -1/2 of weights -1, 1, 1: variance -1/2
@@ -189,9 +189,9 @@ fn a_failed_downdate_is_an_error_with_step_and_pivot() {
 
 #[test]
 fn bad_input_is_an_error_and_the_state_stays() {
-    let one = Cholesky::definite(&Matrix2::identity()).unwrap();
-    let r = Cholesky::definite(&Scalar::new(0.1)).unwrap();
-    let none = Cholesky::semidefinite(&Scalar::new(0.0)).unwrap();
+    let one = CholeskyFactor::definite(&Matrix2::identity()).unwrap();
+    let r = CholeskyFactor::definite(&Scalar::new(0.1)).unwrap();
+    let none = CholeskyFactor::semidefinite(&Scalar::new(0.0)).unwrap();
     let set = SigmaPoints::<2>::default();
     assert!(SquareRootUkf::new(Vector2::new(f64::NAN, 0.0), one, set).is_err());
     let mut filter = SquareRootUkf::new(Vector2::new(1.0, 2.0), one, set).unwrap();
@@ -229,7 +229,7 @@ fn bad_input_is_an_error_and_the_state_stays() {
     assert_eq!(filter, before);
     let lower = Matrix2::new(1.0, 0.0, 0.3, -2.0);
     assert_eq!(
-        Cholesky::from_lower(&lower),
+        CholeskyFactor::from_lower(&lower),
         Err(CholeskyError::NotPositiveDefinite {
             pivot: 1,
             value: -2.0,
@@ -334,7 +334,7 @@ fn control_noise_through_the_arc() {
 
     const DRAWS: u32 = 200_000;
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let q_root = *Cholesky::definite(&q).unwrap().lower();
+    let q_root = *CholeskyFactor::definite(&q).unwrap().lower();
     let (mut sum, mut square) = (Vector3::zeros(), Matrix3::zeros());
     for _ in 0..DRAWS {
         let x = Vector3::from_fn(|k, _| rng.sample::<f64, _>(StandardNormal) * p[(k, k)].sqrt());

@@ -3,7 +3,7 @@
 use nalgebra::{
     Matrix1, Matrix2, Matrix3, SMatrix, SVector, Vector1, Vector2, Vector3, matrix, vector,
 };
-use ukf::{Angle, Cholesky, Manifold, SigmaPoints, SquareRootUkf, Ukf};
+use ukf::{Angle, CholeskyFactor, Manifold, SigmaPoints, SquareRootUkf, Ukf};
 
 /// Both programs round each of some hundred operations a step in 40 steps; the filters forget earlier rounding. Relative to
 /// standard deviations for means, to the product of two of them for covariances.
@@ -57,13 +57,13 @@ fn check<X: Manifold<L>, Z: Manifold<M>, const L: usize, const M: usize>(
         SigmaPoints::scaled(0.5, 2.0, 1.0).expect("valid parameters"),
         SigmaPoints::julier(1.0).expect("valid parameters"),
     ];
-    let factor = |matrix: &_| Cholesky::definite(matrix);
+    let factor = |matrix: &_| CholeskyFactor::definite(matrix);
     for (number, set) in sets.into_iter().enumerate() {
         let mut plain = Ukf::new(model.start.clone(), model.covariance, set).expect("definite");
         let root = factor(&model.covariance).expect("definite");
         let mut square_root = SquareRootUkf::new(model.start.clone(), root, set).expect("finite");
         let q = factor(&model.q).expect("definite");
-        let r = Cholesky::definite(&model.r).expect("definite");
+        let r = CholeskyFactor::definite(&model.r).expect("definite");
         for (step, (z, reference)) in rows.iter().enumerate() {
             let z = (model.measurement)(z);
             plain.predict(&model.q, model.f).expect("definite");

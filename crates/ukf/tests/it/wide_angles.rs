@@ -117,8 +117,8 @@ fn a_pose_with_an_unknown_heading_keeps_its_place() {
         })
         .unwrap();
     assert!((augmented.covariance()[(2, 2)] / (PI * PI + 0.01) - 1.0).abs() < 1e-9);
-    let root = ukf::Cholesky::definite(&p).unwrap();
-    let none = ukf::Cholesky::semidefinite(&Matrix3::zeros()).unwrap();
+    let root = ukf::CholeskyFactor::definite(&p).unwrap();
+    let none = ukf::CholeskyFactor::semidefinite(&Matrix3::zeros()).unwrap();
     let mut square_root =
         SquareRootUkf::new(Se2::new(3.0, -1.0, 2.0), root, SigmaPoints::default()).unwrap();
     square_root.predict(&none, |x| *x).unwrap();
