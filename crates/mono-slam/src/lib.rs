@@ -11,6 +11,7 @@ pub mod map_camera;
 pub mod pairs;
 pub mod recorded;
 pub mod refine;
+mod repeated;
 pub mod run;
 mod run_error;
 mod run_state;

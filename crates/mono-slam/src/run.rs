@@ -237,6 +237,7 @@ impl<'a> Run<'a> {
             } else {
                 collected.predictions.extend(&odometry);
             }
+            collected.repeated.observe(index, &features);
             collected.recording.push(&features, &report, &odometry);
             let keypoints = std::mem::take(&mut report.keypoints);
             if FrameSnapshot::is_kept(index, count) {
@@ -304,6 +305,7 @@ impl<'a> Run<'a> {
             warnings.extend(warnings::of_reference(sequence));
             let samples: Vec<OdometrySample> =
                 sequence.odometry.iter().map(|&row| row.into()).collect();
+            warnings.extend(collected.repeated.warning(&samples, &collected.frames));
             warnings.extend(warnings::of_run(
                 &rig,
                 &samples,

@@ -7,6 +7,7 @@ use slam_io::{FrameRecord, FrameSnapshot, Sequence, StageTimes};
 use slam_pipeline::{FrameReport, OdometryInterval, Slam};
 
 use crate::pairs::PairCollector;
+use crate::repeated::Repeated;
 use crate::run_error::RunError;
 
 /// Collected frame by frame, for the results.
@@ -16,6 +17,8 @@ pub(crate) struct Collected {
     pub(crate) recording: Recording,
     /// For the question whether odometry and images fit.
     pub(crate) pairs: PairCollector,
+    /// For the question whether the camera delivers new images.
+    pub(crate) repeated: Repeated,
     /// Rows of `frames.csv`.
     #[serde(with = "stored_frames")]
     pub(crate) frames: Vec<FrameRecord>,
@@ -39,6 +42,7 @@ impl Collected {
         Self {
             recording: Recording::default(),
             pairs: PairCollector::new(frames),
+            repeated: Repeated::default(),
             frames: Vec::with_capacity(frames),
             snapshots: Vec::new(),
             predictions: Vec::new(),
@@ -67,6 +71,7 @@ impl Collected {
             && frames == self.recording.frames()
             && self.recording.is_whole()
             && self.pairs.is_whole()
+            && self.repeated.is_within(frames)
             && self.dead_reckoning.len().max(self.predictions.len()) <= frames
             && self.frames.iter().enumerate().all(|(i, f)| f.index == i)
             && self.snapshots.iter().all(|s| s.index < frames);

@@ -37,7 +37,6 @@ mod read;
 mod recognise;
 mod ros;
 mod skew;
-mod toml_fault;
 mod xml;
 mod yaml;
 

@@ -3,15 +3,44 @@
 //! Keys that are missing take their defaults, unknown keys are errors. [`documented_toml`] prints
 //! every key with unit, range and reason from the table that also drives the check of the values.
 
-use slam_pipeline::config::{Config, FIELDS};
+use std::path::Path;
+
+use slam_pipeline::config::{Config, ConfigError, FIELDS, Field};
 use thiserror::Error;
+
+use crate::error::SequenceError;
+use crate::text::{quoted, read_text};
+use crate::toml_fault::{TomlFault, line_of_key, section_of, syntax_fault};
 
 /// A text that is not TOML, has a value of the wrong type or an unknown key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("configuration: {message}")]
+#[error("configuration{}: expected {}, found {}", at_line(fault.line), fault.expected, fault.found)]
 pub struct SyntaxError {
-    /// The fault and, where it is known, its line.
-    message: String,
+    fault: TomlFault,
+}
+
+/// Reads a configuration file and checks its values against their ranges.
+///
+/// # Errors
+/// [`SequenceError`] with the file, the line, what was expected and what was found: no text, no TOML, an unknown key, a value
+/// of the wrong type or out of its range.
+pub fn read_configuration(path: &Path) -> Result<Config, SequenceError> {
+    let text = read_text(path)?;
+    let config = from_toml(&text).map_err(|error| error.fault.of_file(path))?;
+    match config.clone().check() {
+        Ok(_) => Ok(config),
+        Err(ConfigError::OutOfRange { key, value, range }) => {
+            let line = key
+                .split_once('.')
+                .and_then(|(section, key)| line_of_key(&text, Some(section), key));
+            Err(TomlFault {
+                line,
+                expected: format!("{range} for {key}"),
+                found: value,
+            }
+            .of_file(path))
+        }
+    }
 }
 
 /// Reads TOML text; the values are not yet checked against their ranges ([`Config::check`]).
@@ -20,7 +49,8 @@ pub struct SyntaxError {
 /// [`SyntaxError`] naming line and key.
 pub fn from_toml(text: &str) -> Result<Config, SyntaxError> {
     let syntax = |error: toml::de::Error| SyntaxError {
-        message: syntax_message(text, &error),
+        fault: value_fault(text, &error)
+            .unwrap_or_else(|| syntax_fault("a configuration", text, &error)),
     };
     // Read for its faults and for the kind of robot, whose defaults lie below the keys of the text.
     let plain: Config = toml::from_str(text).map_err(syntax)?;
@@ -74,14 +104,48 @@ pub fn documented_toml() -> String {
     out
 }
 
-fn syntax_message(text: &str, error: &toml::de::Error) -> String {
-    let line = error
-        .span()
-        .map(|s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-    match line {
-        Some(line) => format!("line {line}: {}", error.message()),
-        None => error.message().to_owned(),
+/// The fault of a value of the wrong type, in the words of the table of all keys.
+fn value_fault(text: &str, error: &toml::de::Error) -> Option<TomlFault> {
+    let kind = error.message();
+    if !["invalid type", "invalid value", "unknown variant"]
+        .iter()
+        .any(|start| kind.starts_with(start))
+    {
+        return None;
     }
+    let before = text.get(..error.span()?.start)?;
+    let line = 1 + before.matches('\n').count();
+    let (key, value) = text.lines().nth(line - 1)?.split_once('=')?;
+    let section = section_of(text, line)?;
+    let field = FIELDS
+        .iter()
+        .find(|field| field.section == section && field.key == key.trim())?;
+    Some(TomlFault {
+        line: Some(line as u64),
+        expected: format!(
+            "{}{} for {section}.{}",
+            kind_of(field),
+            field.range,
+            field.key
+        ),
+        found: quoted(value.split('#').next().unwrap_or_default().trim()),
+    })
+}
+
+/// The kind of number of a key, before its range.
+fn kind_of(field: &Field) -> &'static str {
+    let written = field.value_text(&Config::default());
+    if written.parse::<u64>().is_ok() {
+        "a whole number, "
+    } else if written.parse::<f64>().is_ok() {
+        "a number, "
+    } else {
+        ""
+    }
+}
+
+fn at_line(line: Option<u64>) -> String {
+    line.map_or_else(String::new, |line| format!(", line {line}"))
 }
 
 #[cfg(test)]
@@ -144,6 +208,29 @@ mod tests {
         assert!(
             text.contains("line 2") && text.contains("particels"),
             "{text}"
+        );
+    }
+
+    #[test]
+    fn regress_faults_of_the_toml_library_were_shown_as_they_are() {
+        let told = |text: &str| from_toml(text).unwrap_err().to_string();
+        assert_eq!(
+            told("[mapping]\nmax_landmarks = -5\n"),
+            "configuration, line 2: expected a whole number, 50 to 10000000 for mapping.max_landmarks, found \"-5\""
+        );
+        assert_eq!(
+            told("[features]\nsigma_px = 1,5\n"),
+            "configuration, line 2: expected a number with a decimal point for sigma_px, found 1,5"
+        );
+        assert_eq!(
+            told("[filter]\nmethod = \"best\" # ?\n"),
+            r#"configuration, line 2: expected one of "exact", "paper", "conventional" for filter.method, found "\"best\"""#
+        );
+        let unknown = told("[filters]\nparticles = 3\n");
+        assert!(
+            unknown.starts_with("configuration, line 1: expected one of the keys filter, robot, ")
+                && unknown.ends_with(" in a configuration, found [filters]"),
+            "{unknown}"
         );
     }
 

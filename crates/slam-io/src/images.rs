@@ -11,6 +11,7 @@ pub use grey::{GreyImage, read_grey};
 pub use list::image_files;
 pub use source::Images;
 
+pub(crate) use grey::decoded_in_memory;
 pub(crate) use list::{IMAGE_ENDINGS, listed_images, what_lies_there};
 pub(crate) use source::{ImageFiles, ImageSource};
 pub(crate) use whole::{WholeFiles, whole_files};

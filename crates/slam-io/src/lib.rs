@@ -19,6 +19,7 @@ mod record;
 mod sequence;
 mod snapshot;
 mod text;
+mod toml_fault;
 mod trajectory;
 mod tum;
 mod warning;

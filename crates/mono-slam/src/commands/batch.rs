@@ -8,11 +8,11 @@ use mono_slam::recorded::RecordedRun;
 use mono_slam::smooth::learned_value;
 use serde_json::json;
 use slam_batch::{Constant, Model, Solution, solve};
+use slam_io::configuration::read_configuration;
 use slam_io::{LearnedValue, RunScale, check_output_folder, covariance_csv, tum_text, write_files};
 use slam_pipeline::PoseEstimate;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
-use super::configuration::read_configuration;
 use super::threshold::{check_ate, metres};
 use crate::failure::{Failure, print};
 

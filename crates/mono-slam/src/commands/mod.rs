@@ -6,7 +6,6 @@ pub(crate) mod camera;
 mod checkpoints;
 pub(crate) mod compare;
 pub(crate) mod config;
-mod configuration;
 pub(crate) mod eval;
 mod eval_text;
 pub(crate) mod features;

@@ -7,7 +7,8 @@ use mono_slam::run::{Run, RunError};
 use mono_slam::{warnings, without_odometry};
 use slam_io::{
     OdometrySource, RunIdentity, RunRecord, RunScale, Sequence, Warning, check_output_folder,
-    configuration, odometry_csv, write_run,
+    configuration::{self, read_configuration},
+    odometry_csv, write_run,
 };
 use slam_pipeline::config::{Config, Method, Robot, ValidConfig};
 use slam_pipeline::{MapUse, Tracking};
@@ -15,7 +16,6 @@ use slam_report::render_run_html;
 use trajectory_eval::{Alignment, absolute_error, spatial};
 
 use super::checkpoints::{CheckpointOptions, Checkpoints};
-use super::configuration::read_configuration;
 use super::interrupt::Interrupt;
 use super::map_file::MapFile;
 use super::reporter::Reporter;

@@ -12,6 +12,7 @@ mod commands;
 mod comparison;
 mod contradictions;
 mod edges;
+mod faults;
 mod fixtures;
 mod going_on;
 mod info_command;

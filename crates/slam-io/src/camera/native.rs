@@ -37,18 +37,20 @@ use serde::Deserialize;
 
 use crate::error::SequenceError;
 use crate::text::line_fault;
+use crate::toml_fault::{line_of_key, syntax_fault};
 use mono_geometry::Distortion;
 
 use super::file::{CameraFile, MountFile, SigmaFile, file_fault, number, numbers};
-use super::toml_fault::{line_of_key, syntax_fault};
 
 /// Largest believed deviation of `R^T R` from the identity, entry by entry: four written decimals.
 const ROTATION_TOLERANCE: f64 = 1e-3;
+/// A camera further from the centre of its robot along an axis is given in another unit, metres.
+const MOST_LEVER_M: f64 = 50.0;
 
 /// Checks the text of a camera file.
 pub(super) fn parse(path: &Path, text: &str) -> Result<CameraFile, SequenceError> {
-    let raw: RawCamera =
-        ::toml::from_str(text).map_err(|error| syntax_fault(path, text, &error))?;
+    let raw: RawCamera = ::toml::from_str(text)
+        .map_err(|error| syntax_fault("a camera.toml", text, &error).of_file(path))?;
     // A fault names its key last; the line is where that stands.
     let fault = |(expected, found): Fault| match line_named(text, &expected, &found) {
         Some(line) => line_fault(path, line, expected, found),
@@ -288,6 +290,18 @@ fn checked_mount(raw: &RawMount) -> Result<MountFile, Fault> {
             format!("{:?}", raw.position_in_body),
         ));
     }
+    if let Some(far) = raw
+        .position_in_body
+        .iter()
+        .find(|value| value.abs() > MOST_LEVER_M)
+    {
+        return Err((
+            format!(
+                "metres within {MOST_LEVER_M} of the robot's centre as position_in_body in [mount]"
+            ),
+            format!("{far}: are these millimetres?"),
+        ));
+    }
     let rows = raw.rotation_body_from_camera;
     let mut rotation = Matrix3::from_fn(|row, column| rows[row][column]);
     let deviation = (rotation.transpose() * rotation - Matrix3::identity()).abs();
@@ -296,7 +310,7 @@ fn checked_mount(raw: &RawMount) -> Result<MountFile, Fault> {
     if !orthonormal {
         return Err((
             format!(
-                "orthonormal columns in rotation_body_from_camera of [mount] within {ROTATION_TOLERANCE}"
+                "orthonormal columns, within {ROTATION_TOLERANCE}, of the rotation_body_from_camera in [mount]"
             ),
             format!("a deviation of {}", deviation.max()),
         ));

@@ -137,6 +137,16 @@ pub(super) fn check_coverage(
             format!("{:.2} m/s and {:.2} rad/s", row.v_mps, row.omega_radps)
         })
     };
+    if let ([only], true) = (&rows[..], last > first) {
+        warnings.push(Warning::new(
+            "odometry-one-row",
+            format!(
+                "{name} has one row: its speed is held for all {} s of the images, {}",
+                seconds(last - first),
+                held(only.t_s)
+            ),
+        ));
+    }
     let mut holes = holes(rows, times_s);
     if let Some(&(from, to)) = holes.last()
         && from >= row_last
@@ -251,8 +261,13 @@ mod tests {
             )
             .is_empty()
         );
-        // One row is a constant speed.
-        assert!(said([0.0], &images).is_empty());
+        assert_eq!(
+            said([0.0], &images),
+            [
+                "[odometry-one-row] odometry.csv has one row: its speed is held for all 9.5 s of the images, 0.20 m/s and 0.00 \
+              rad/s."
+            ]
+        );
         // Holes before the first image and after the last are nobody's concern.
         assert!(
             said(

@@ -34,6 +34,13 @@ fn images_in(folder: &Path) -> Part<Vec<PathBuf>> {
     if folder.is_dir() {
         return listed_images(folder);
     }
+    if folder.exists() {
+        return Err(SequenceError::File {
+            path: folder.to_path_buf(),
+            expected: "a folder of images".into(),
+            found: "a file".into(),
+        });
+    }
     Err(SequenceError::Missing {
         path: folder.to_path_buf(),
         holds: format!(

@@ -44,13 +44,38 @@ pub(super) fn read_times(
         return Err(SequenceError::File {
             path: path.to_path_buf(),
             expected: format!("{} times, one per image", names.len()),
-            found: times_s.len().to_string(),
+            found: format!("{}{}", times_s.len(), left_out(names)),
         });
     }
     Ok(Times {
         times_s,
         images: None,
     })
+}
+
+/// The first place at which numbered names leave numbers out, as a clause behind a count; empty where there is none, and where
+/// most steps are wider than one.
+fn left_out(names: &[String]) -> String {
+    let number = |name: &String| -> Option<u64> {
+        let stem = name.rsplit_once('.')?.0;
+        let digits = stem
+            .trim_end_matches(|sign: char| sign.is_ascii_digit())
+            .len();
+        stem.get(digits..)?.parse().ok()
+    };
+    let leaps: Vec<&[String]> = names
+        .windows(2)
+        .filter(|pair| match (number(&pair[0]), number(&pair[1])) {
+            (Some(before), Some(after)) => after > before.saturating_add(1),
+            _ => false,
+        })
+        .collect();
+    match leaps.first() {
+        Some(&[before, after]) if 2 * leaps.len() < names.len() => {
+            format!("; an image between {before} and {after} seems to be missing")
+        }
+        _ => String::new(),
+    }
 }
 
 /// Reads a list of times alone.

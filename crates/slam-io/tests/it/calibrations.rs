@@ -152,7 +152,7 @@ fn every_format_gives_back_every_bit_it_has_a_place_for() {
     }
     let mut mounted = camera(RATIONAL);
     mounted.mount = MountFile {
-        position_in_body: [0.1, -1e-9, 1e300],
+        position_in_body: [0.1, -1e-9, 1e-300],
         rotation_body_from_camera: [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]],
     };
     round_trip(&mounted, CameraFormat::Toml);

@@ -414,12 +414,16 @@ fn wrong_distortions_and_mounts_are_named() {
             "expected a finite position_in_body in [mount], found [0.0, NaN, 0.0]",
         ),
         (
+            "[mount]\nposition_in_body = [100, 0, 900]\nrotation_body_from_camera = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]\n",
+            "expected metres within 50 of the robot's centre as position_in_body in [mount], found 100: are these millimetres?",
+        ),
+        (
             "[mount]\nposition_in_body = [0, 0, 0]\nrotation_body_from_camera = [[0, 0, 1], [-1, 0, 0], [0, 1, 0]]\n",
             "expected a right-handed rotation_body_from_camera in [mount] (determinant +1), found a determinant of -1",
         ),
         (
             "[mount]\nposition_in_body = [0, 0, 0]\nrotation_body_from_camera = [[0, 0, 2], [-1, 0, 0], [0, -1, 0]]\n",
-            "expected orthonormal columns in rotation_body_from_camera of [mount] within 0.001, found a deviation of 3",
+            "expected orthonormal columns, within 0.001, of the rotation_body_from_camera in [mount], found a deviation of 3",
         ),
     ];
     for (extra, expected) in cases {
@@ -432,7 +436,7 @@ fn wrong_distortions_and_mounts_are_named() {
         "[mount]\nposition_in_body = [0, 0, 0]\nrotation_body_from_camera = [[nan, 0, 1], [-1, 0, 0], [0, -1, 0]]\n",
     ));
     assert!(
-        nan.starts_with("SEQ/camera.toml: expected orthonormal columns"),
+        nan.starts_with("SEQ/camera.toml, line 10: expected orthonormal columns"),
         "{nan}"
     );
     let unknown = fault(with_camera("[mount]\nheight = 1\n"));

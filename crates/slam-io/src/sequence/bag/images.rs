@@ -7,7 +7,7 @@ use image::{DynamicImage, GrayImage, ImageBuffer, RgbImage};
 use robot_logs::{Message, MessageHandle, Pixels, RobotLog};
 
 use crate::error::SequenceError;
-use crate::images::ImageSource;
+use crate::images::{ImageSource, decoded_in_memory};
 
 /// The images of one topic.
 #[derive(Debug)]
@@ -80,7 +80,7 @@ impl ImageSource for LogImages {
         let image = match self.log.message(&self.handles[index])? {
             Message::Image(image) => image,
             Message::CompressedImage(image) => {
-                return image::load_from_memory(&image.data).map_err(|error| {
+                return decoded_in_memory(&image.data).map_err(|error| {
                     let text = error.to_string().lines().collect::<Vec<_>>().join(" ");
                     self.fault(index, format!("{text} (format {:?})", image.format))
                 });

@@ -1,16 +1,38 @@
-//! Faults of `camera.toml` in the words of its user: the key, what should stand there and what does.
+//! Faults of TOML files in the words of their user: the key, what should stand there and what does.
 //!
 //! The TOML library speaks of keys, tables and tokens; a person who wrote `fx = 368,8` is to read that a decimal point
 //! was expected for fx.
 
 use std::path::Path;
 
-use super::file::file_fault;
 use crate::error::SequenceError;
 use crate::text::{line_fault, quoted};
 
-/// The fault of a text that is no `camera.toml`.
-pub(super) fn syntax_fault(path: &Path, text: &str, error: &toml::de::Error) -> SequenceError {
+/// A fault of a TOML text, without the name of its file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct TomlFault {
+    /// The line, from one.
+    pub(crate) line: Option<u64>,
+    pub(crate) expected: String,
+    pub(crate) found: String,
+}
+
+impl TomlFault {
+    /// The fault of a file.
+    pub(crate) fn of_file(self, path: &Path) -> SequenceError {
+        match self.line {
+            Some(line) => line_fault(path, line, self.expected, self.found),
+            None => SequenceError::File {
+                path: path.to_path_buf(),
+                expected: self.expected,
+                found: self.found,
+            },
+        }
+    }
+}
+
+/// The fault of a text that is no such file: `kind` with its article.
+pub(crate) fn syntax_fault(kind: &str, text: &str, error: &toml::de::Error) -> TomlFault {
     let offset = error.span().map_or(0, |span| span.start.min(text.len()));
     let line = 1 + text.as_bytes()[..offset]
         .iter()
@@ -18,25 +40,37 @@ pub(super) fn syntax_fault(path: &Path, text: &str, error: &toml::de::Error) -> 
         .count();
     let content = text.lines().nth(line - 1).unwrap_or_default().trim();
     let message = error.message().replace('\n', " ");
-    let at = |expected: String, found: String| line_fault(path, line as u64, expected, found);
-    let section = section_of(text, line);
+    let at = |expected: String, found: String| TomlFault {
+        line: Some(line as u64),
+        expected,
+        found,
+    };
+    let section = section_of(text, line).filter(|_| header(content).is_none());
     if let Some(key) = named(&message, "missing field `") {
         let place = section.map_or(String::new(), |name| format!(" in [{name}]"));
         let example = match (key, section) {
             ("model", None) => "model = \"pinhole\"",
             _ => key,
         };
-        return file_fault(path, format!("the key {example}{place}"), "none");
+        return TomlFault {
+            line: None,
+            expected: format!("the key {example}{place}"),
+            found: "none".to_owned(),
+        };
     }
     if let Some(key) = named(&message, "unknown field `") {
         let known: Vec<&str> = message
             .split_once("expected ")
             .map(|(_, names)| names.split('`').skip(1).step_by(2).collect())
             .unwrap_or_default();
-        let place = section.map_or("a camera.toml".to_owned(), |name| format!("[{name}]"));
+        let place = section.map_or(kind.to_owned(), |name| format!("[{name}]"));
+        let found = match header(content) {
+            Some(name) => format!("[{name}]"),
+            None => key.to_owned(),
+        };
         return at(
             format!("one of the keys {} in {place}", known.join(", ")),
-            key.to_owned(),
+            found,
         );
     }
     if let Some((key, value)) = content.split_once('=') {
@@ -60,7 +94,7 @@ pub(super) fn syntax_fault(path: &Path, text: &str, error: &toml::de::Error) -> 
                 .map_or("another value", |(_, wanted)| wanted);
             let wanted = match wanted {
                 "f64" => "a number",
-                "u32" => "a whole number",
+                "u32" | "u64" => "a whole number",
                 "a string" => "a word in quotes",
                 other => other,
             };
@@ -78,7 +112,7 @@ pub(super) fn syntax_fault(path: &Path, text: &str, error: &toml::de::Error) -> 
 }
 
 /// The line of a key: at the top, or within a section.
-pub(super) fn line_of_key(text: &str, section: Option<&str>, key: &str) -> Option<u64> {
+pub(crate) fn line_of_key(text: &str, section: Option<&str>, key: &str) -> Option<u64> {
     let mut here = None;
     for (content, line) in text.lines().zip(1_u64..) {
         let content = content.trim();
@@ -96,7 +130,7 @@ pub(super) fn line_of_key(text: &str, section: Option<&str>, key: &str) -> Optio
 }
 
 /// The section that a line (from one) stands in.
-fn section_of(text: &str, line: usize) -> Option<&str> {
+pub(crate) fn section_of(text: &str, line: usize) -> Option<&str> {
     text.lines()
         .take(line)
         .filter_map(|content| header(content.trim()))
