@@ -10,6 +10,7 @@ mod calibrations;
 mod calibrations_found;
 mod calibrations_genuine;
 mod common;
+mod hostile;
 mod odometry_reading;
 mod output_writing;
 mod recorded_logs;

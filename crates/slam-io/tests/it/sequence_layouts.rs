@@ -230,7 +230,7 @@ fn a_folder_above_sequences_names_them() {
 }
 
 /// A drive of KITTI raw: three images at 10 Hz, the unit's readings, 10 m/s to the east, turning left.
-fn write_kitti_raw(day: &Path, width: u32, height: u32) -> PathBuf {
+pub(crate) fn write_kitti_raw(day: &Path, width: u32, height: u32) -> PathBuf {
     let drive = day.join("2011_09_26_drive_0001_sync");
     let stamps = "2011-09-26 13:02:25.000000000\n2011-09-26 13:02:25.100000000\n2011-09-26 13:02:25.200000000\n";
     for folder in ["image_00/data", "oxts/data"] {
