@@ -93,6 +93,12 @@ impl PlaceIndex {
         self.len() == 0
     }
 
+    /// Bytes on the heap.
+    #[must_use]
+    pub fn memory_usage(&self) -> usize {
+        self.index.memory_usage()
+    }
+
     /// Makes the answers a function of the present landmarks alone, for runs that must repeat from a saved state; costs as
     /// much as inserting all of them.
     ///

@@ -19,6 +19,7 @@ mod kld;
 mod landmark_changes;
 mod landmark_map;
 mod log_weights;
+mod memory;
 mod parallel;
 mod particle_set;
 mod resampling;
@@ -34,6 +35,7 @@ pub use filter::{
 pub use history::PersistentPath;
 pub use kld::KldSampling;
 pub use landmark_map::{CowMap, MappedNodes, SharedLeaves};
+pub use memory::SharedBytes;
 pub use parallel::map_particles;
 pub use particle_set::ParticleSet;
 pub use resampling::Resampler;

@@ -124,11 +124,13 @@ impl<T> StoredNodes<T> {
     /// [`RbpfError::Stored`] for a list that no maps give.
     pub fn rebuild(self) -> Result<SharedNodes<T>, RbpfError> {
         let mut rebuilt: Vec<Rebuilt<T>> = Vec::with_capacity(self.nodes.len());
+        let mut values_so_far: u64 = 0;
         for stored in self.nodes {
             let next = match stored {
                 StoredNode::Leaf(values) => {
                     let mut slots = std::array::from_fn(|_| None);
                     let len = values.len() as u64;
+                    values_so_far += len;
                     fill(&mut slots, values)?;
                     Rebuilt {
                         node: Arc::new(Node::Leaf(slots)),
@@ -138,6 +140,12 @@ impl<T> StoredNodes<T> {
                 }
                 StoredNode::Branch(children) => branch(&rebuilt, &children)?,
             };
+            // A node that is its parent's child many times over, and so on upwards, would be a map without end.
+            if next.len > values_so_far {
+                return Err(RbpfError::Stored(
+                    "a map has no more values than the list of nodes",
+                ));
+            }
             rebuilt.push(next);
         }
         Ok(SharedNodes { nodes: rebuilt })
@@ -306,9 +314,9 @@ mod tests {
         assert!(shared.path(StoredMap { root: Some(0) }).is_err());
     }
 
-    /// A node that holds one child sixteen times over eight levels claims 2^32 values: they are counted, not made.
+    /// A node that holds one child sixteen times over eight levels was a map of 2^32 values, which nobody walks to its end.
     #[test]
-    fn a_short_list_may_stand_for_many_values() {
+    fn regress_a_short_list_stood_for_a_map_without_end() {
         let mut nodes = vec![StoredNode::Leaf(
             (0..16).map(|slot| (slot, 1_u32)).collect(),
         )];
@@ -317,9 +325,11 @@ mod tests {
                 (0..16).map(|slot| (slot, below)).collect(),
             ));
         }
-        let shared = StoredNodes { nodes }.rebuild().unwrap();
-        let map = shared.map(StoredMap { root: Some(7) }).unwrap();
-        assert_eq!(map.len() as u64, 1 << 32);
-        assert_eq!(map.get(u32::MAX), Some(&1));
+        assert_eq!(
+            StoredNodes { nodes }.rebuild().map(|_| ()),
+            Err(RbpfError::Stored(
+                "a map has no more values than the list of nodes"
+            ))
+        );
     }
 }

@@ -9,48 +9,36 @@ use std::ops::Range;
 use mono_geometry::{Camera, Distortion};
 use slam_pipeline::config::Config;
 use slam_pipeline::{FrameInput, MapUse, OdometryInterval, Rig, Slam, detector_of};
-use vision_sift::{Detector, Features, GrayImage, Workspace};
-use wall_scenes::{Scene, SceneSpec, Skins};
+use vision_sift::{Features, GrayImage, Workspace};
+use wall_scenes::{Scene, SceneSpec};
 
 /// One frame after the other, as camera and wheels deliver them.
-fn drive(
-    slam: &mut Slam,
-    (scene, skins): (&Scene, &Skins),
-    detector: &Detector,
-    frames: Range<usize>,
-) -> Result<(), Box<dyn Error>> {
-    let mut workspace = Workspace::new();
-    let mut features = Features::default();
+fn drive(slam: &mut Slam, scene: &Scene, frames: Range<usize>) -> Result<(), Box<dyn Error>> {
+    let detector = detector_of(&Config::default().check()?)?;
+    let (mut workspace, mut features, skins) =
+        (Workspace::new(), Features::default(), scene.skins());
     for frame in frames.clone() {
-        // A real robot asks its camera and its wheels here.
-        let image = scene.render(skins, frame);
+        // A real robot asks its camera and its wheels here. How it came to where it is switched on, nobody knows.
+        let image = scene.render(&skins, frame);
         let rows = scene.odometry_before(frame);
-        let odometry: Vec<OdometryInterval> = rows
-            .iter()
-            // Nobody knows how it came to where it is switched on.
-            .filter(|_| frame > frames.start)
-            .map(|(duration_s, row)| OdometryInterval {
-                duration_s: *duration_s,
-                v_mps: row.v_mps,
-                omega_radps: row.omega_radps,
-            })
-            .collect();
+        let rows = if frame > frames.start { &rows[..] } else { &[] };
+        let interval = |&(duration_s, row): &(f64, wall_scenes::OdometryRow)| OdometryInterval {
+            duration_s,
+            v_mps: row.v_mps,
+            omega_radps: row.omega_radps,
+        };
+        let odometry: Vec<_> = rows.iter().map(interval).collect();
+
         let view = GrayImage::new(image.width, image.height, &image.pixels)?;
         detector.detect(&view, &mut workspace, &mut features)?;
-        let input = FrameInput {
-            features: &features,
-            odometry: &odometry,
-        };
-        let report = slam.step(&input, &mut |_| {})?;
-        let (pose, c) = (report.estimate.pose, report.estimate.covariance);
+        let (features, odometry) = (&features, &odometry);
+        let report = slam.step(&FrameInput { features, odometry }, &mut |_| {})?;
+        let (p, c) = (report.estimate.pose, report.estimate.covariance);
+        let known_mm = 1e3 * (c[(0, 0)] + c[(1, 1)]).sqrt();
+        let word = report.tracking.name();
         println!(
-            "frame {frame:2}: ({:6.3}, {:6.3}) m, {:6.1} mrad, known to {:5.1} mm and {:4.1} mrad, {}",
-            pose.x,
-            pose.y,
-            1e3 * pose.phi,
-            1e3 * (c[(0, 0)] + c[(1, 1)]).sqrt(),
-            1e3 * c[(2, 2)].sqrt(),
-            report.tracking.name()
+            "frame {frame:2}: ({:6.3}, {:6.3}) m, known to {known_mm:5.1} mm, {word}",
+            p.x, p.y
         );
     }
     Ok(())
@@ -58,22 +46,17 @@ fn drive(
 
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::new(SceneSpec::wall(3))?;
-    let skins = scene.skins();
-    let rig = Rig {
-        camera: Camera::new(Scene::pinhole(), Distortion::None)?,
-        mount: Scene::mount(),
-    };
-    let config = Config::default().check()?;
-    let detector = detector_of(&config)?;
+    let camera = Camera::new(Scene::pinhole(), Distortion::None)?;
+    let mount = Scene::mount();
+    let (rig, config) = (Rig { camera, mount }, Config::default().check()?);
 
     let mut slam = Slam::new(rig, &config)?;
-    drive(&mut slam, (&scene, &skins), &detector, 0..24)?;
+    drive(&mut slam, &scene, 0..24)?;
     let file = std::env::temp_dir().join(format!("live-{}.slam", std::process::id()));
     slam_io::write_map(&file, &slam.landmarks(), Some(&slam.known_map()))?;
-    println!("{} landmarks saved", slam.landmarks().len());
 
     let map = slam_io::read_known_map(&file)?;
     std::fs::remove_file(&file)?;
     let mut again = Slam::with_map(rig, &config, &map, MapUse::Localise)?;
-    drive(&mut again, (&scene, &skins), &detector, 10..20)
+    drive(&mut again, &scene, 10..20)
 }

@@ -142,6 +142,10 @@ pub struct MappingSection {
     pub max_new: u32,
     /// Landmarks of the map beyond which the least used ones leave.
     pub max_landmarks: u32,
+    /// Keyframes whose joint covariance is kept.
+    pub max_keyframes: u32,
+    /// Memory of the map beyond which the least used landmarks leave, megabytes; 0 bounds nothing.
+    pub max_megabytes: f64,
 }
 
 /// `[keyframes]`
@@ -290,6 +294,8 @@ impl Default for MappingSection {
             tentative_keyframes: 3,
             max_new: 300,
             max_landmarks: 100_000,
+            max_keyframes: 256,
+            max_megabytes: 0.0,
         }
     }
 }

@@ -28,9 +28,6 @@ use super::pose::{PLANAR, PoseMatrix};
 use crate::known_map::{KnownErrors, KnownKeyframe};
 use crate::rig::Rig;
 
-/// Number of keyframes whose joint covariance is kept. Another anchor counts as the kept one that is nearest to it. The
-/// memory is 36 bytes times its square.
-pub(super) const WINDOW: usize = 256;
 /// Number of keyframes whose joint covariance a map keeps.
 const SAVED: usize = 128;
 
@@ -135,8 +132,12 @@ pub(crate) fn cover(spread: &Matrix3<f64>, drift: &Matrix3<f64>) -> Matrix3<f64>
 }
 
 /// Joint covariance of the errors of some keyframes: the latest ones, and thinned out more and more, the older ones.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+///
+/// Another anchor counts as the kept one that is nearest to it. The memory is 36 bytes times the square of their number.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Drift {
+    /// Most keyframes that are kept.
+    limit: u32,
     /// Index of the next keyframe.
     next: u32,
     /// The keyframes that are kept, ascending.
@@ -152,12 +153,27 @@ pub(crate) struct Drift {
 }
 
 impl Drift {
+    /// No keyframe yet; of at most `limit` keyframes the joint covariance is kept.
+    #[must_use]
+    pub(crate) const fn keeping(limit: u32) -> Self {
+        Self {
+            limit,
+            next: 0,
+            kept: Vec::new(),
+            bodies: Vec::new(),
+            focal_rates: Vec::new(),
+            excesses: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+
     /// The errors of the keyframes of a known map; `keyframes` are all of them, and the indices of `errors` are among them. An
     /// error of the focal length counts from the map on.
     #[must_use]
-    pub(crate) fn of_map(keyframes: &[KnownKeyframe], errors: &KnownErrors) -> Self {
+    pub(crate) fn of_map(keyframes: &[KnownKeyframe], errors: &KnownErrors, limit: u32) -> Self {
         let known = || errors.keyframes.iter().map(|k| &keyframes[*k as usize]);
         let mut drift = Self {
+            limit,
             next: keyframes.len() as u32,
             kept: errors.keyframes.clone(),
             bodies: known().map(|k| k.body).collect(),
@@ -171,7 +187,7 @@ impl Drift {
                 .collect(),
             rows: errors.rows.clone(),
         };
-        drift.thin_to(WINDOW);
+        drift.thin_to(limit as usize);
         drift
     }
 
@@ -184,6 +200,17 @@ impl Drift {
             keyframes: thinned.kept,
             rows: thinned.rows,
         }
+    }
+
+    /// Most keyframes that are kept.
+    pub(crate) const fn limit(&self) -> u32 {
+        self.limit
+    }
+
+    /// Bytes on the heap.
+    pub(crate) fn memory_usage(&self) -> usize {
+        let blocks: usize = self.rows.iter().map(Vec::len).sum();
+        blocks * size_of::<Matrix3<f64>>()
     }
 
     /// Whether there is a row for every keyframe, each one entry longer than the one before.
@@ -266,7 +293,7 @@ impl Drift {
         self.excesses.push(inherited);
         self.kept.push(self.next);
         self.next += 1;
-        self.thin_to(WINDOW);
+        self.thin_to(self.limit as usize);
         own + inherited
     }
 
@@ -407,6 +434,8 @@ impl Drift {
 mod tests {
     use super::*;
 
+    const WINDOW: u32 = 256;
+
     fn support(anchor: u32, gain: f64, sigma: f64) -> Support {
         Support {
             gains: BTreeMap::from([(anchor, Matrix3::identity() * gain)]),
@@ -457,7 +486,7 @@ mod tests {
 
     #[test]
     fn pure_odometry_is_a_random_walk_with_its_lever() {
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(WINDOW);
         let noise = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-4));
         drift.push(&Se2::identity(), None, &noise);
         drift.push(&Se2::new(1.0, 0.0, 0.0), None, &noise);
@@ -469,7 +498,7 @@ mod tests {
 
     #[test]
     fn an_anchor_in_the_first_keyframe_bounds_the_error() {
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(WINDOW);
         let none = Matrix3::zeros();
         drift.push(&Se2::identity(), None, &none);
         let mut last = none;
@@ -481,7 +510,7 @@ mod tests {
             "no accumulation: {last}"
         );
         // The same leaning on the previous keyframe accumulates.
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(WINDOW);
         drift.push(&Se2::identity(), None, &none);
         for k in 0..50 {
             last = drift.push(&Se2::identity(), Some(&support(k, 1.0, 0.01)), &none);
@@ -511,10 +540,10 @@ mod tests {
 
     #[test]
     fn joint_covariance_stays_positive_past_the_window() {
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(WINDOW);
         let none = Matrix3::zeros();
         drift.push(&Se2::identity(), None, &none);
-        for k in 1..(WINDOW as u32 + 40) {
+        for k in 1..(WINDOW + 40) {
             let anchor = k.saturating_sub(3);
             let c = drift.push(
                 &Se2::new(0.1 * f64::from(k), 0.0, 0.0),

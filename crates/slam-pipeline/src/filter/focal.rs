@@ -49,7 +49,7 @@ mod tests {
     fn the_rate_of_a_path_is_its_derivative() {
         let e = 1e-6;
         let (straight, more, less) = (path(1.0), path(1.0 + e), path(1.0 - e));
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(256);
         drift.push(&straight[0], None, &Matrix3::zeros());
         for (k, body) in straight.iter().enumerate().skip(1) {
             let support = leaning_on(k as u32 - 1, 1.0);
@@ -65,7 +65,7 @@ mod tests {
     /// Turns on the spot added up without end although the landmarks of the first turn were seen again in every other.
     #[test]
     fn regress_old_landmarks_take_the_swing_of_many_turns_back() {
-        let mut drift = Drift::default();
+        let mut drift = Drift::keeping(256);
         let body = |k: u32| Se2::new(0.0, 0.0, wrap(0.1 * f64::from(k)));
         drift.push(&body(0), None, &Matrix3::zeros());
         for k in 1..1000 {

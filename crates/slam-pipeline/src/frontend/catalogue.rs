@@ -187,6 +187,11 @@ impl Catalogue {
         )
     }
 
+    /// Number of entries, tentative ones too.
+    pub(crate) fn len(&self) -> usize {
+        self.entries.len()
+    }
+
     /// Entries in order of id.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, &Entry)> {
         self.entries.iter().map(|(id, e)| (*id, e))

@@ -1,4 +1,4 @@
-//! The budget of the map: how many landmarks it may hold, and which leave when there are more.
+//! The budget of the map: which landmarks leave when there are more than it may hold.
 //!
 //! A landmark is worth what it has been used for: the number of its sightings over the keyframes that have passed since the
 //! last one. A landmark that is more likely gone than there is worth less than any other. Landmarks in view stay,
@@ -21,8 +21,10 @@ impl Slam {
     /// Landmarks that leave the map because it is over its budget, in order of id. None of them is in `view`.
     pub(super) fn over_budget(&self, view: &InView<'_>) -> Vec<u32> {
         let catalogue = &self.state.catalogue;
-        let budget = self.config.mapping.max_landmarks as usize;
-        let leaving = catalogue.mapped().saturating_sub(budget).min(MOST_LEAVING);
+        let leaving = catalogue
+            .mapped()
+            .saturating_sub(self.allowed_landmarks())
+            .min(MOST_LEAVING);
         if leaving == 0 {
             return Vec::new();
         }

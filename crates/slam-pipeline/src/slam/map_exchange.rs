@@ -130,7 +130,11 @@ impl Slam {
             slam.state.places.insert(l.id, &l.descriptor)?;
         }
         slam.state.catalogue.follow(&landmarks);
-        slam.state.drift = Drift::of_map(&map.keyframes, &map.errors);
+        slam.state.drift = Drift::of_map(
+            &map.keyframes,
+            &map.errors,
+            slam.config.mapping.max_keyframes,
+        );
         slam.state.keyframe = map.keyframes.len() as u32;
         slam.state.begin_lost(map);
         Ok(slam)

@@ -17,6 +17,7 @@ mod keyframe_policy;
 mod landmark_budget;
 mod lost;
 mod map_exchange;
+mod memory;
 mod place;
 mod plan;
 mod recovery;
@@ -239,7 +240,7 @@ impl Slam {
                 places: PlaceIndex::new(),
                 lost: None,
                 odometer: Odometer::with_step(&config.odometry, policies.motion_step),
-                drift: Drift::default(),
+                drift: Drift::keeping(config.mapping.max_keyframes),
                 adaptation: Adaptation::default(),
                 window: Window::default(),
                 frame: 0,

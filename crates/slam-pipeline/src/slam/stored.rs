@@ -92,7 +92,10 @@ fn check(state: &State, fresh: &State) -> Result<(), &'static str> {
         state.window.middle <= state.window.steps.len(),
         "the middle of the window is in it",
     )?;
-    rule(state.drift.is_whole(), "the drift is a triangle")?;
+    rule(
+        state.drift.is_whole() && state.drift.limit() == fresh.drift.limit(),
+        "the drift is a triangle of as many keyframes as the configuration allows",
+    )?;
     let finite = |pose: &Se2| pose.x.is_finite() && pose.y.is_finite() && pose.phi.is_finite();
     rule(finite(&state.last.pose), "the last pose is finite")
 }

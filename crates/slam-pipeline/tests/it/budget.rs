@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 use slam_pipeline::config::{Method, ValidConfig};
-use slam_pipeline::{FrameInput, KeypointFate, OdometryInterval, Slam};
+use slam_pipeline::{FrameInput, KeypointFate, MapUse, OdometryInterval, Slam};
 use std::collections::BTreeSet;
 use vision_sift::Features;
 
@@ -63,6 +63,86 @@ fn a_map_over_its_budget_lets_the_least_used_landmarks_out_of_view_go() {
     // A robot that does not turn back misses none of them.
     assert!(few.matches as f64 > 0.97 * all.matches as f64);
     assert!(drive.rmse(&few.path) < drive.rmse(&all.path) + 0.01);
+}
+
+/// A system after the whole drive.
+fn driven(drive: &Drive, config: &ValidConfig) -> Slam {
+    let mut slam = Slam::new(rig(), config).unwrap();
+    for frame in 0..FRAMES {
+        slam.step(&drive.input(frame), &mut |_| {}).unwrap();
+    }
+    slam
+}
+
+/// Bytes that are given back with the value.
+fn freed(slam: Slam) -> usize {
+    let info = allocation_counter::measure(|| drop(slam));
+    usize::try_from(-info.bytes_current).unwrap()
+}
+
+#[test]
+fn the_bytes_of_a_map_are_those_that_are_allocated_within_three_tenths() {
+    let drive = Drive::new(7);
+    let mut cases = Vec::new();
+    for particles in [5, 30, 100] {
+        let slam = driven(&drive, &config(particles, 7));
+        cases.push((format!("{particles} particles"), slam));
+    }
+    // A map of which all but a few landmarks are out of view and shared by all particles.
+    let mut map = cases[1].1.known_map();
+    let few = map.landmarks.clone();
+    for copy in 1..60 {
+        let first = few[few.len() - 1].id + 1;
+        map.landmarks.extend(few.iter().map(|landmark| {
+            let mut landmark = landmark.clone();
+            landmark.id += copy * first;
+            landmark
+        }));
+    }
+    let large = Slam::with_map(rig(), &config(30, 7), &map, MapUse::Extend).unwrap();
+    cases.push((format!("{} landmarks", map.landmarks.len()), large));
+    for (name, slam) in cases {
+        let told = slam.map_bytes();
+        let real = freed(slam);
+        let ratio = told as f64 / real as f64;
+        assert!(
+            (0.7..1.3).contains(&ratio),
+            "{name}: {told} of {real} bytes"
+        );
+    }
+}
+
+/// Landmarks in view stay, and those of thirty particles are most of this short drive; of five they are not.
+#[test]
+fn a_budget_of_bytes_lets_landmarks_go() {
+    let drive = Drive::new(7);
+    let unlimited = config(5, 7);
+    let bytes = driven(&drive, &unlimited).map_bytes() as f64;
+    let mut limited = (*unlimited).clone();
+    limited.mapping.max_megabytes = 0.7e-6 * bytes;
+    let limited = limited.check().unwrap();
+    let left = driven(&drive, &limited).map_bytes() as f64;
+    assert!(left < 0.8 * bytes, "{left} of {bytes}");
+    let (all, few) = (run(&drive, &unlimited), run(&drive, &limited));
+    assert!(few.landmarks[FRAMES - 1] < all.landmarks[FRAMES - 1] * 8 / 10);
+    assert!(drive.rmse(&few.path) < drive.rmse(&all.path) + 0.01);
+}
+
+#[test]
+fn fewer_keyframes_in_the_joint_covariance_move_no_pose() {
+    let drive = Drive::new(7);
+    let all = config(5, 7);
+    let mut few = (*all).clone();
+    few.mapping.max_keyframes = 32;
+    let (all, few) = (driven(&drive, &all), driven(&drive, &few.check().unwrap()));
+    assert_eq!(all.smoothed_path(), few.smoothed_path());
+    let keyframes = all.known_map().keyframes.len();
+    assert!(keyframes > 32, "{keyframes}");
+    assert_eq!(few.known_map().errors.keyframes.len(), 32);
+    // A triangle of matrices of 72 bytes.
+    let blocks = |n: usize| n * (n + 1) / 2;
+    let fewer = (blocks(keyframes) - blocks(32)) * 72;
+    assert_eq!(all.map_bytes() - few.map_bytes(), fewer);
 }
 
 /// Every frame that showed nothing was a filter step of its own, with a pose in the path of every particle.

@@ -8,11 +8,14 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::PersistentPath;
 
 use super::common::{normal, particle, place, pose, rng};
-use crate::filter::drift::{Drift, Support, WINDOW, transport};
+use crate::filter::drift::{Drift, Support, transport};
 use crate::filter::particle::{Keyframe, Particle};
 use crate::filter::path_correction::PathCorrection;
 use crate::filter::revisit::Revisit;
 use crate::known_map::KnownKeyframe;
+
+/// Keyframes whose joint covariance is kept.
+const WINDOW: usize = 256;
 
 /// Positions of a square lap of `n` keyframes with sides of 2 m.
 fn lap(n: usize) -> Vec<Vector2<f64>> {
@@ -41,7 +44,7 @@ fn step_noise() -> Matrix3<f64> {
 /// Dead reckoning along `positions`, and the joint covariance of its errors by their definition.
 fn dead_reckoning(positions: &[Vector2<f64>]) -> (Drift, DMatrix<f64>) {
     let n = positions.len();
-    let mut drift = Drift::default();
+    let mut drift = Drift::keeping(WINDOW as u32);
     let mut joint = DMatrix::zeros(3 * n, 3 * n);
     for (t, p) in positions.iter().enumerate() {
         drift.push(&body(p), None, &step_noise());
@@ -146,7 +149,7 @@ fn the_errors_of_a_known_map_are_those_of_the_run_that_made_it() {
             covariance: drift.covariance_of(k as u32, p),
         })
         .collect();
-    let loaded = Drift::of_map(&known, &saved);
+    let loaded = Drift::of_map(&known, &saved, WINDOW as u32);
     for k in saved.keyframes {
         let at = &positions[k as usize];
         let (found, expected) = (loaded.covariance_of(k, at), drift.covariance_of(k, at));
@@ -182,7 +185,7 @@ fn a_rigid_error_leaves_every_pixel_where_it_was() {
     let mut rng = rng(5);
     let rigid = Vector3::new(0.3, -0.2, 0.15);
     // One error at the origin, carried along without noise: all of the correction is that error.
-    let mut drift = Drift::default();
+    let mut drift = Drift::keeping(WINDOW as u32);
     let mut bodies = Vec::new();
     for k in 0..30 {
         let body = Se2::new(0.1 * f64::from(k), 0.02 * f64::from(k), 0.03 * f64::from(k));
@@ -249,7 +252,7 @@ fn regress_an_old_place_is_known_no_better_than_when_it_was_mapped() {
     let positions = lap(40);
     let none = Matrix3::zeros();
     let reported = Matrix3::from_diagonal(&Vector3::new(9e-4, 4e-4, 1e-5));
-    let mut drift = Drift::default();
+    let mut drift = Drift::keeping(WINDOW as u32);
     drift.push(&body(&positions[0]), None, &none);
     for p in &positions[1..] {
         drift.push(&body(p), None, &none);
