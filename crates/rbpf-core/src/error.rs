@@ -11,8 +11,8 @@ pub enum RbpfError {
     NoParticles,
     /// Weights that cannot be normalised: some are NaN or +inf, or all are zero.
     #[error(
-        "{particles} log weights cannot be normalised: {zero} are -inf, {nan} are NaN, \
-         {infinite} are +inf; at least one finite and no NaN or +inf is required"
+        "{particles} log weights cannot be normalised: {zero} are minus infinity, {nan} are NaN, \
+         {infinite} are infinity; at least one finite and none of the last two is required"
     )]
     DegenerateWeights {
         /// Number of weights.

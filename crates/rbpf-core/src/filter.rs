@@ -65,6 +65,7 @@ impl Default for FilterConfig {
 
 /// The rule for the number of particles that a resampling draws.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub enum ParticleCount<P> {
     /// As many as there are now.
     #[default]
@@ -103,6 +104,7 @@ pub enum StepStage {
 
 /// The report of one frame.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct StepReport {
     /// Logarithm of the frame's evidence, log sum w_{t-1} exp(increment).
     pub log_evidence: f64,

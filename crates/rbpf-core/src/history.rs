@@ -9,6 +9,18 @@ use crate::landmark_map::{CowMap, MappedNodes};
 use std::fmt;
 
 /// An append-only sequence that shares its past with its clones; `clone` is O(1).
+///
+/// ```
+/// use rbpf_core::PersistentPath;
+///
+/// let mut path = PersistentPath::default();
+/// path.push("start");
+/// let (mut left, mut right) = (path.clone(), path);
+/// left.push("left");
+/// right.push("right");
+/// assert_eq!(left.iter().collect::<Vec<_>>(), [&"start", &"left"]);
+/// assert_eq!(right.last(), Some(&"right"));
+/// ```
 pub struct PersistentPath<T> {
     pub(crate) entries: CowMap<T>,
 }

@@ -26,6 +26,16 @@ pub(crate) const WIDTH: usize = 1 << BITS;
 pub(crate) const HIGHEST: u32 = u32::BITS / BITS - 1;
 
 /// A persistent map from `u32` ids to `T`; `clone` is O(1), and a write copies only what it touches.
+///
+/// ```
+/// use rbpf_core::CowMap;
+///
+/// let mut map = CowMap::default();
+/// map.insert(7, 1.5);
+/// let copy = map.clone(); // shares everything
+/// map.insert(7, 2.5); // copies one leaf
+/// assert_eq!((copy.get(7), map.get(7)), (Some(&1.5), Some(&2.5)));
+/// ```
 pub struct CowMap<T> {
     pub(crate) root: Option<Arc<Node<T>>>,
     /// Branch levels above the leaves; ids below 16^(height + 1) have a place.

@@ -11,6 +11,7 @@
 //! particle order. Weights are logarithms throughout, so a frame with a hundred measurements does not underflow; they sum to
 //! one for log increments of any finite size.
 
+mod bearing_landmark;
 mod diagnostics;
 mod error;
 mod filter;
@@ -27,6 +28,7 @@ mod step;
 mod stored;
 mod streams;
 
+pub use bearing_landmark::{BearingLandmark, PlanarPoint};
 pub use diagnostics::{Genealogy, unique_ancestors};
 pub use error::{RbpfError, StepError};
 pub use filter::{
@@ -38,6 +40,8 @@ pub use landmark_map::{CowMap, MappedNodes, SharedLeaves};
 pub use memory::SharedBytes;
 pub use parallel::map_particles;
 pub use particle_set::ParticleSet;
+pub use rand;
+pub use rand_chacha;
 pub use resampling::Resampler;
 pub use step::{
     MapUpdate, NoMapUpdate, NoRejuvenation, Proposal, Rejuvenation, RejuvenationReport,

@@ -21,6 +21,7 @@ use rand_chacha::ChaCha8Rng;
 /// The purpose of a stream. Its number is part of the key and never changes its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u64)]
+#[non_exhaustive]
 pub enum Purpose {
     /// Drawing the pose of a particle; one stream per frame and particle.
     Proposal = 1,
@@ -45,6 +46,18 @@ pub enum Purpose {
 }
 
 /// The family of random streams of one seed: a generator for every (frame, particle, purpose).
+///
+/// ```
+/// use rbpf_core::rand::RngExt;
+/// use rbpf_core::{Purpose, Streams};
+///
+/// let draw = |particle| {
+///     let mut rng = Streams::new(3).stream(10, particle, Purpose::Proposal);
+///     rng.random::<u64>()
+/// };
+/// assert_eq!(draw(4), draw(4)); // whenever and on whichever thread it is asked
+/// assert_ne!(draw(4), draw(5));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Streams {
     seed: u64,
