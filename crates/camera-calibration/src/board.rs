@@ -60,6 +60,7 @@ pub struct FoundBoard {
 
 /// Why no board was found; an ordinary outcome.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NotFound {
     /// The image is too small, or its pixels do not fill its size.
     NoImage,

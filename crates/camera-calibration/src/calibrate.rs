@@ -27,6 +27,7 @@ const FLOOR_PX: f64 = 0.01;
 
 /// Why there is no calibration.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CalibrateError {
     /// Too few boards were found.
     #[error("{found} board{} in {images} image{}, required: at least {LEAST_BOARDS}{}", plural(*.found), plural(*.images), first_reasons(.reasons))]

@@ -18,4 +18,5 @@ pub use calibrate::{CalibrateError, calibrate_boards};
 pub use detect::find_board;
 pub use image::GreyView;
 pub use images::{CalibrationImage, CalibrationRun, CalibrationSettings, Outcome, SearchedImage};
+pub use mono_geometry;
 pub use warning::significant;

@@ -13,6 +13,14 @@ use crate::real::Real;
 /// An angle already in the interval comes back bit for bit. NaN and infinities give NaN. The remainder by 2 pi is exact
 /// in the float sense, so the error is that of the input times the number of turns taken out (2.4e-16 rad per turn, the
 /// error of 2 pi itself). O(1).
+///
+/// ```
+/// use estimation_base::wrap;
+/// use std::f64::consts::PI;
+///
+/// assert_eq!(wrap(0.5), 0.5);
+/// assert!((wrap(3.0_f64 - -3.0) - (6.0 - 2.0 * PI)).abs() < 1e-15);
+/// ```
 #[must_use]
 pub fn wrap<T: Real>(angle: T) -> T {
     let (half_turn, turn) = (T::pi(), T::two_pi());

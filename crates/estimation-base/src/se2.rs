@@ -19,6 +19,18 @@ use crate::series::{sinc, versine_over_x, versine_over_x2, x_minus_sin_over_x3};
 ///
 /// As a [`Manifold`] its tangent is the body's own motion (forward, left, turn): `retract` drives along the arc that the
 /// tangent names, `self * exp(tangent)`, and `local` finds the arc, `log(self^-1 * other)`.
+///
+/// ```
+/// use estimation_base::nalgebra::Vector2;
+/// use estimation_base::{Manifold, Se2};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// let world_from_robot = Se2::new(1.0, 2.0, FRAC_PI_2);
+/// let ahead = world_from_robot.act(&Vector2::new(3.0, 0.0));
+/// assert!((ahead - Vector2::new(1.0, 5.0)).norm() < 1e-12);
+/// let moved = world_from_robot.compose(&Se2::new(3.0, 0.0, 0.0));
+/// assert!((world_from_robot.local(&moved).x - 3.0).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Se2<T> {

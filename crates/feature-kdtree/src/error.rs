@@ -13,7 +13,7 @@ pub enum IndexError {
         id: u32,
     },
     /// The ratio of Eq. 21 lies outside its range.
-    #[error("ratio must lie in 0..=1, given {given}")]
+    #[error("ratio {given} given, 0 to 1 required")]
     Ratio {
         /// The ratio given.
         given: f32,

@@ -17,6 +17,8 @@ use mono_geometry::motion::OdometrySample;
 use mono_geometry::{Mount, Pinhole};
 
 pub use finding::{Finding, Support};
+pub use mono_geometry;
+pub use nalgebra;
 pub use pair::FramePair;
 pub use path::check_path;
 

@@ -1,5 +1,6 @@
 //! Why a request is refused.
 
+use estimation_base::Readable;
 use feature_kdtree::IndexError;
 
 /// The refusal of an option or of a landmark.
@@ -7,7 +8,7 @@ use feature_kdtree::IndexError;
 #[non_exhaustive]
 pub enum PlaceError {
     /// An option is outside its range, or not a number.
-    #[error("{name} is {given}, required: {required}")]
+    #[error("{name} is {}, required: {required}", Readable(*.given))]
     Option {
         /// Name of the option.
         name: &'static str,

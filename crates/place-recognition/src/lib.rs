@@ -23,6 +23,8 @@ mod spread;
 
 pub use error::PlaceError;
 pub use index::{Candidate, CandidateOptions, PlaceIndex};
+pub use mono_geometry;
+pub use nalgebra;
 pub use point_match::PointMatch;
 pub use poses::{PlaceHypothesis, PoseOptions, poses, poses_where};
 pub use same_place::{Evidence, SamePlaceOptions, View, same_place};

@@ -34,7 +34,9 @@ pub use models::{
     FieldOfView, Gaussian, InverseObservation, MotionModel, ObservationJacobians, ObservationModel,
 };
 pub use moments::weighted_moments;
+pub use nalgebra;
 pub use pose_moves::MovePoses;
 pub use proposal::{ExtendedProposal, Linearisation, MotionProposal, UnscentedProposal};
+pub use rbpf_core;
 pub use sensor::RangeBearing;
 pub use vehicles::{Bicycle, Command, Deviation, Propagation, Unicycle};

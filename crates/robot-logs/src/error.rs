@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 /// Why a log or one of its messages cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LogError {
     /// The operating system refused to read a file or folder.
     #[error("{}: cannot be read: {source}", path.display())]

@@ -22,6 +22,7 @@ const STAMP_BYTES: u64 = 16;
 
 /// The container of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LogFormat {
     /// A ROS 1 bag.
     Rosbag1,

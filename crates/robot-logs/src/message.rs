@@ -9,6 +9,7 @@ use crate::wire::Wire;
 
 /// The type of a topic's messages, of those that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum MessageKind {
     /// `sensor_msgs/Image`
     Image,
@@ -183,6 +184,7 @@ pub struct TransformStamped {
 
 /// A decoded message.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Message {
     /// An image.
     Image(Image),

@@ -18,6 +18,7 @@ pub enum Pixels {
 
 /// Why an image message has no pixels.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PixelError {
     /// An encoding that is not read.
     #[error(

@@ -1,10 +1,12 @@
 //! Why a batch has no solution.
 
+use estimation_base::Readable;
 use mono_geometry::GeometryError;
 use thiserror::Error;
 
 /// Why a problem was not solved.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum BatchError {
     /// Nothing can be learned from fewer than two keyframes.
     #[error("a batch needs at least 2 keyframes, found {found}")]
@@ -28,7 +30,7 @@ pub enum BatchError {
         keyframes: usize,
     },
     /// A number of the problem is outside its range.
-    #[error("{name} is {value}, expected {required}")]
+    #[error("{name} is {}, expected {required}", Readable(*.value))]
     OutOfRange {
         /// Name with unit.
         name: &'static str,

@@ -20,6 +20,7 @@ mod system;
 
 pub use constants::{Constant, Constants};
 pub use error::BatchError;
+pub use nalgebra;
 pub use problem::{Keyframe, Model, Problem, Sighting, Track};
 pub use recording::Recording;
 pub use solution::{Attitude, BatchLandmark, Fit, LearnedConstant, Solution};

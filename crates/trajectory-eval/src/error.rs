@@ -4,6 +4,7 @@ use crate::alignment::Alignment;
 
 /// Why two trajectories cannot be compared.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EvaluationError {
     /// No two poses lie close enough in time.
     #[error(

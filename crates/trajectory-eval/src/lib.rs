@@ -23,6 +23,7 @@ pub use absolute::{AbsoluteError, MatchedError, absolute_error, absolute_error_o
 pub use alignment::{Alignment, Similarity};
 pub use associate::{Matching, associate};
 pub use error::EvaluationError;
+pub use nalgebra;
 pub use pose::{StampedPose, spatial};
 pub use relative::{RelativeError, relative_error, relative_error_of};
 pub use statistics::Statistics;

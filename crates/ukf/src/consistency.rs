@@ -20,6 +20,7 @@ use crate::error::{Step, UkfError};
 
 /// The verdict of the mean NIS or NEES on a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// Errors smaller than the covariance says.
     Underconfident,
@@ -63,6 +64,16 @@ pub fn normalized_error_squared<T: Real, const N: usize>(
 /// # Errors
 /// [`UkfError::NoValues`], [`UkfError::ChiSquare`] for no degrees of freedom or a probability outside (0, 1),
 /// [`UkfError::NotFinite`] for a value that is not.
+///
+/// ```
+/// use ukf::{Verdict, assess_consistency};
+///
+/// // NIS of two-dimensional measurements, 2 on average where the filter is consistent.
+/// let judged = assess_consistency((0..100).map(|k| f64::from(k % 5)), 2, 0.95)?;
+/// assert_eq!(judged.verdict, Verdict::Consistent);
+/// assert_eq!(assess_consistency([9.0; 100], 2, 0.95)?.verdict, Verdict::Overconfident);
+/// # Ok::<(), ukf::UkfError>(())
+/// ```
 pub fn assess_consistency(
     values: impl IntoIterator<Item = f64>,
     dof: u32,

@@ -43,6 +43,19 @@ pub struct Estimate<T, X, const L: usize> {
 /// [`UkfError::Length`] for slices of different lengths; as [`crate::unscented_transform`] for a filtered state;
 /// [`UkfError::Covariance`] for a predicted covariance that is only semidefinite. States after
 /// the failing one are then smoothed, `filtered` is as it was.
+///
+/// ```
+/// use ukf::nalgebra::{Matrix1, Vector1};
+/// use ukf::{Estimate, SigmaPoints, rts_smooth};
+///
+/// // Two equally good measurements of a number that does not change: the first state becomes as good as the second.
+/// let estimate = |mean, variance| Estimate { mean: Vector1::new(mean), covariance: Matrix1::new(variance) };
+/// let filtered = [estimate(1.0, 1.0), estimate(1.5, 0.5)];
+/// let mut smoothed = filtered;
+/// rts_smooth(&filtered, &mut smoothed, &SigmaPoints::default(), |_| Matrix1::new(0.0), |_, x| *x)?;
+/// assert!((smoothed[0].mean[0] - 1.5).abs() < 1e-12 && (smoothed[0].covariance[0] - 0.5).abs() < 1e-12);
+/// # Ok::<(), ukf::UkfError>(())
+/// ```
 pub fn rts_smooth<T: Real, X: Manifold<L, T>, const L: usize>(
     filtered: &[Estimate<T, X, L>],
     smoothed: &mut [Estimate<T, X, L>],

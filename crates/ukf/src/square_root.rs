@@ -30,6 +30,18 @@ use crate::transform::Images;
 use crate::update::correct;
 
 /// A Gaussian state, its covariance by its Cholesky factor, and its sigma points.
+///
+/// ```
+/// use ukf::nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+/// use ukf::{CholeskyFactor, SigmaPoints, SquareRootUkf};
+///
+/// let unit = CholeskyFactor::from_lower(&Matrix2::identity())?;
+/// let noise = CholeskyFactor::from_lower(&Matrix1::new(0.1))?; // a standard deviation
+/// let mut filter = SquareRootUkf::new(Vector2::new(0.0, 1.0), unit, SigmaPoints::default())?;
+/// filter.update(&Vector1::new(0.5), &noise, |x| Vector1::new(x[0]))?;
+/// assert!((filter.covariance()[(0, 0)] - 0.01 / 1.01).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquareRootUkf<T, X, const L: usize> {
     mean: X,

@@ -45,6 +45,17 @@ pub struct Transformed<T, Y, const L: usize, const M: usize> {
 /// # Errors
 /// [`UkfError::Covariance`] for an indefinite covariance (a semidefinite one is accepted) or one that is not finite,
 /// [`UkfError::TooWide`] for a heading beyond about 4.9 rad (default points), [`UkfError::NotFinite`] for NaN or infinity in the mean or a value.
+///
+/// ```
+/// use ukf::nalgebra::{Matrix2, Vector1, Vector2};
+/// use ukf::{SigmaPoints, unscented_transform};
+///
+/// // The mean of a square is the square of the mean and the variance: the transform is exact there.
+/// let (mean, covariance) = (Vector2::new(3.0, 0.0), Matrix2::new(0.5, 0.0, 0.0, 1.0));
+/// let squared = unscented_transform(&mean, &covariance, &SigmaPoints::default(), |x| Vector1::new(x[0] * x[0]))?;
+/// assert!((squared.mean[0] - 9.5).abs() < 1e-12);
+/// # Ok::<(), ukf::UkfError>(())
+/// ```
 pub fn unscented_transform<T: Real, X, Y, const L: usize, const M: usize>(
     mean: &X,
     covariance: &SMatrix<T, L, L>,

@@ -1,5 +1,6 @@
 //! Everything that can go wrong when a scene is specified, written or read.
 
+use estimation_base::Readable;
 use mono_geometry::GeometryError;
 use std::io;
 use std::path::PathBuf;
@@ -17,7 +18,7 @@ pub enum SceneError {
         most: usize,
     },
     /// A noise that is negative, too large or not a number.
-    #[error("{name} {given}, required: 0 to {most}")]
+    #[error("{name} {}, required: 0 to {}", Readable(*.given), Readable(*.most))]
     Noise {
         /// The noise.
         name: &'static str,
@@ -27,7 +28,7 @@ pub enum SceneError {
         most: f64,
     },
     /// A number outside its range, or not a number.
-    #[error("{name} {given}, required: {low} to {high}")]
+    #[error("{name} {}, required: {} to {}", Readable(*.given), Readable(*.low), Readable(*.high))]
     OutOfRange {
         /// The number's name.
         name: &'static str,

@@ -98,7 +98,7 @@ fn a_ratio_out_of_range_is_an_error() {
         assert!(match_mutual(&[], &[], ratio).is_err());
     }
     let error = match_mutual(&[], &[], 1.5).unwrap_err();
-    assert_eq!(error.to_string(), "ratio must lie in 0..=1, given 1.5");
+    assert_eq!(error.to_string(), "ratio 1.5 given, 0 to 1 required");
 }
 
 /// The definition, written out: Eq. 21 on distances, then the best query of each entry.

@@ -27,6 +27,7 @@ use rbpf_core::Proposal;
 
 /// The pose at which the measurements of a frame are linearised.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Linearisation {
     /// Each at the mean that the ones before left, in the order of the frame.
     #[default]
