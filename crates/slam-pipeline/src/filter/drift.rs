@@ -146,7 +146,7 @@ pub(crate) struct Drift {
     bodies: Vec<Se2>,
     /// d e / d (relative error of the angles that the camera sees).
     focal_rates: Vec<Vector3<f64>>,
-    /// What was reported of e beyond its covariance here, at that keyframe.
+    /// The part of the reported covariance of each that is beyond the one kept here.
     excesses: Vec<Matrix3<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
     rows: Vec<Vec<Matrix3<f64>>>,
@@ -420,8 +420,19 @@ impl Drift {
         }
     }
 
+    /// The place of the kept keyframe nearest to `keyframe`, the matrix that moves its error to `here`, and `weight`.
+    pub(crate) fn error_at(
+        &self,
+        keyframe: u32,
+        here: &Vector2<f64>,
+        weight: f64,
+    ) -> (usize, Matrix3<f64>, f64) {
+        let slot = self.slot(keyframe);
+        (slot, transport(&self.position(slot), here), weight)
+    }
+
     /// cov(e_a, e_b) of two kept keyframes by their places.
-    pub(super) fn block(&self, a: usize, b: usize) -> Matrix3<f64> {
+    pub(crate) fn block(&self, a: usize, b: usize) -> Matrix3<f64> {
         if a >= b {
             self.rows[a][b]
         } else {

@@ -45,6 +45,9 @@ const BELIEVED: f64 = 36.0;
 const DRIFT_SHARE: f64 = 0.02;
 /// The same for the heading, radians per square root of a metre.
 const TURN_SHARE: f64 = 0.01;
+/// Error of the position of an old place as a share of the distance of its landmarks: the error of their depths that is the same
+/// for all of them, because a few steps of the robot told all of their depths.
+const DEPTH_SHARE: f64 = 0.003;
 /// Noise of either pose beyond its covariance: landmarks of one place have errors in common.
 const FLOOR_M: f64 = 0.002;
 const FLOOR_RAD: f64 = 0.001;
@@ -67,6 +70,8 @@ struct OldPlace {
     solved: Solved,
     /// Share of each anchor keyframe.
     anchors: Vec<(u32, f64)>,
+    /// Mean distance of the landmarks from the camera, in the unit of the particle.
+    distance: f64,
 }
 
 impl Slam {
@@ -134,6 +139,7 @@ impl Slam {
         );
         let matches: Vec<Option<Prepared>> = old.iter().map(|(_, p)| Some(*p)).collect();
         Some(OldPlace {
+            distance: mean_distance(old, &seen.association.camera.centre),
             solved: self.solved(&prior, &matches),
             anchors,
         })
@@ -157,6 +163,7 @@ impl Slam {
         }
         let matches: Vec<Option<Prepared>> = old.iter().map(|(_, p)| Some(*p)).collect();
         Some(OldPlace {
+            distance: mean_distance(&old, &place.association.camera.centre),
             solved: self.solved(&place.prior, &matches),
             anchors: anchors(&place.reference, &old),
         })
@@ -177,7 +184,7 @@ impl Slam {
         let body = world.body(&recent.pose);
         let here = Vector2::new(body.x, body.y);
         let apart = difference(&body, &world.body(&place.solved.pose));
-        let noise = self.noise(recent, &place.solved, scale);
+        let noise = self.noise(recent, &place.solved, scale) + self.common(&here, place, scale);
         let Some(revisit) = Revisit::new(&self.state.drift, &here, &place.anchors, &noise) else {
             return Ok(None);
         };
@@ -265,6 +272,14 @@ impl Slam {
             + Matrix3::from_diagonal(&floor)
     }
 
+    /// The covariance of the errors that the landmarks of a place have in common: of their depths, and because their anchors
+    /// err differently.
+    fn common(&self, here: &Vector2<f64>, place: &OldPlace, scale: f64) -> Matrix3<f64> {
+        let side = DEPTH_SHARE * place.distance * scale;
+        Matrix3::from_diagonal(&Vector3::new(side * side, side * side, 0.0))
+            + disagreement(&self.state.drift, here, &place.anchors)
+    }
+
     /// The variances of an error that any path of this length may have.
     fn believable(&self, here: &Vector2<f64>, anchors: &[(u32, f64)]) -> Matrix3<f64> {
         let oldest = anchors.iter().map(|(a, _)| *a).min().unwrap_or(0);
@@ -316,6 +331,35 @@ fn anchors(particle: &Particle, landmarks: &[(u32, Prepared)]) -> Vec<(u32, f64)
     shares
 }
 
+/// Mean distance of `landmarks` from `centre`, in the unit of the particle.
+fn mean_distance(landmarks: &[(u32, Prepared)], centre: &Vector3<f64>) -> f64 {
+    let distances = landmarks.iter().filter_map(|(_, p)| {
+        let ray = p.geometry.ray(&p.mean);
+        let direction = ray.base + (ray.origin - centre) * ray.rate;
+        (ray.rate > 0.0).then(|| direction.norm() / ray.rate)
+    });
+    let (sum, count) = distances.fold((0.0, 0), |(sum, n), d| (sum + d, n + 1));
+    sum / f64::from(count.max(1))
+}
+
+/// sum_a w_a var(T_a e_a - mean): how differently the errors of `anchors` move a body at `here`.
+fn disagreement(drift: &Drift, here: &Vector2<f64>, anchors: &[(u32, f64)]) -> Matrix3<f64> {
+    let terms: Vec<_> = anchors
+        .iter()
+        .map(|(anchor, weight)| drift.error_at(*anchor, here, *weight))
+        .collect();
+    let covariance = |a: &(usize, Matrix3<f64>, f64), b: &(usize, Matrix3<f64>, f64)| {
+        a.1 * drift.block(a.0, b.0) * b.1.transpose()
+    };
+    let of_mean: Matrix3<f64> = terms
+        .iter()
+        .flat_map(|a| terms.iter().map(move |b| covariance(a, b) * (a.2 * b.2)))
+        .sum();
+    let of_each: Matrix3<f64> = terms.iter().map(|a| covariance(a, a) * a.2).sum();
+    let rest = of_each - of_mean;
+    (rest + rest.transpose()) * 0.5
+}
+
 /// The difference of two body poses in world axes.
 fn difference(a: &Se2, b: &Se2) -> Vector3<f64> {
     Vector3::new(a.x - b.x, a.y - b.y, wrap(a.phi - b.phi))
@@ -356,4 +400,25 @@ fn deviation(
         }
     }
     deviation
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two anchors whose errors are independent disagree by half of the sum of their variances; two that err alike do not.
+    #[test]
+    fn anchors_disagree_by_what_they_do_not_have_in_common() {
+        let noise = Matrix3::from_diagonal(&Vector3::new(4e-4, 1e-4, 0.0));
+        let mut drift = Drift::keeping(16);
+        let body = Se2::identity();
+        drift.push(&body, None, &noise);
+        drift.push(&body, None, &noise);
+        drift.push(&body, None, &noise);
+        let here = Vector2::new(1.0, 0.5);
+        // Dead reckoning: keyframe 2 errs by a step more than keyframe 1.
+        let apart = disagreement(&drift, &here, &[(1, 0.5), (2, 0.5)]);
+        assert!((apart - noise * 0.25).amax() < 1e-15, "{apart}");
+        assert!(disagreement(&drift, &here, &[(2, 1.0)]).amax() < 1e-18);
+    }
 }

@@ -205,11 +205,7 @@ fn maps() -> Vec<Fault> {
                 i.write(MAP, &*MADE);
                 i.replace("seq/camera.toml", "fx = 368.8262", "fx = 400.0");
             },
-            Warned(&[
-                "map-camera-differs",
-                "reference-of-another-origin",
-                "few-matches",
-            ]),
+            Warned(&["map-camera-differs", "reference-of-another-origin"]),
         ),
         row(
             "it is of images of another size",
