@@ -98,15 +98,16 @@ fn filter(streams: Streams, frame: u64) -> Result<ParticleFilter<Se2>, RbpfError
 fn main() -> Result<(), Box<dyn Error>> {
     let streams = Streams::new(3);
     let mut world = streams.shared(0, Purpose::MeasurementNoise);
-    let mut robot = Se2::new(6.0, 4.0, 0.3);
+    let mut robot = Se2::new(10.0, 4.0, 0.0);
     let mut filter = filter(streams, 0)?;
     let mut unlikely = 0;
     println!("frame  particles  error_m  spread_m");
     for frame in 0..80_u64 {
-        let turn = if frame % 20 < 10 { 0.15 } else { -0.12 };
+        // A circle of 2.5 m.
+        let turn = 0.1;
         robot = robot.compose(&Se2::new(0.25, 0.0, turn));
         if frame == 40 {
-            robot = Se2::new(15.0, 3.0, 2.0);
+            robot = Se2::new(14.0, 7.0, 3.0);
             println!("the robot is carried away");
         }
         let ranges = BEACONS.map(|beacon| {
