@@ -17,10 +17,11 @@ use crate::gradient::prefetch_window;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::Kernels;
 use crate::orientation::{self, OrientationWindow, Orientations, orientations};
-use crate::params::SiftParams;
+use crate::params::{Selection, SiftParams};
+use crate::pixel::Pixel;
 use crate::refine::{Acceptance, refine};
 use crate::scale_space::ScaleSpace;
-use crate::strongest::keep_strongest;
+use crate::strongest::{Grid, keep_spread, keep_strongest};
 use crate::threads::{for_each_indexed, for_each_with_scratch};
 use crate::workspace::{OctavePoint, OrientedPoint, RowBlock, Workspace};
 
@@ -29,6 +30,7 @@ const BLOCK_ROWS: usize = 32;
 
 /// A stage of a detection, as [`Detector::detect_observed`] reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Stage {
     /// Doubling and the Gaussian pyramid.
     ScaleSpace,
@@ -106,9 +108,9 @@ impl Detector {
     ///
     /// # Errors
     /// None at present: the image and the parameters were checked when they were made.
-    pub fn detect(
+    pub fn detect<P: Pixel>(
         &self,
-        image: &GrayImage<'_>,
+        image: &GrayImage<'_, P>,
         workspace: &mut Workspace,
         features: &mut Features,
     ) -> Result<(), SiftError> {
@@ -120,9 +122,9 @@ impl Detector {
     ///
     /// # Errors
     /// As [`Detector::detect`].
-    pub fn detect_observed(
+    pub fn detect_observed<P: Pixel>(
         &self,
-        image: &GrayImage<'_>,
+        image: &GrayImage<'_, P>,
         workspace: &mut Workspace,
         features: &mut Features,
         done: &mut dyn FnMut(Stage),
@@ -138,9 +140,9 @@ impl Detector {
     ///
     /// # Errors
     /// [`SiftError::RegionSize`] when `region` and `image` differ in size.
-    pub fn detect_in_region(
+    pub fn detect_in_region<P: Pixel>(
         &self,
-        image: &GrayImage<'_>,
+        image: &GrayImage<'_, P>,
         region: &GrayImage<'_>,
         workspace: &mut Workspace,
         features: &mut Features,
@@ -157,9 +159,9 @@ impl Detector {
     }
 
     /// Runs all stages; keypoints outside the region are dropped after the refinement.
-    fn detect_where(
+    fn detect_where<P: Pixel>(
         &self,
-        image: &GrayImage<'_>,
+        image: &GrayImage<'_, P>,
         region: Option<&GrayImage<'_>>,
         workspace: &mut Workspace,
         features: &mut Features,
@@ -183,9 +185,9 @@ impl Detector {
                 region.row(nearest(p.point.y, region.height()))[x] != 0
             });
         }
-        self.keep_strongest_points(workspace);
+        self.keep_points(workspace, image.width(), image.height());
         done(Stage::Extrema);
-        self.orient(workspace);
+        self.orient(workspace, image.width(), image.height());
         done(Stage::Orientations);
         self.describe(workspace, features);
         done(Stage::Descriptors);
@@ -243,15 +245,25 @@ impl Detector {
     }
 
     /// Drops the points that cannot be among the strongest features wanted.
-    fn keep_strongest_points(&self, workspace: &mut Workspace) {
-        if let Some(limit) = self.params.max_features {
-            // Every point with an orientation gives a feature, so no weaker point can be among the strongest features.
-            keep_strongest(
-                &mut workspace.points,
-                limit,
-                |p| p.point.response,
-                |p| (p.octave, p.point.sample),
-            );
+    fn keep_points(&self, workspace: &mut Workspace, width: usize, height: usize) {
+        let Some(limit) = self.params.max_features else {
+            return;
+        };
+        // Every point with an orientation gives a feature, so no weaker point can be among the strongest features.
+        let (response, key) = (
+            |p: &OctavePoint| p.point.response,
+            |p: &OctavePoint| (p.octave, p.point.sample),
+        );
+        match self.params.selection {
+            Selection::Strongest => keep_strongest(&mut workspace.points, limit, response, key),
+            Selection::Spread => {
+                let grid = Grid::new(width, height, limit);
+                let cell = |p: &OctavePoint| {
+                    let step = self.params.octave_step(p.octave);
+                    grid.cell(step * p.point.x, step * p.point.y)
+                };
+                keep_spread(&mut workspace.points, limit, response, key, cell);
+            }
         }
     }
 
@@ -285,7 +297,7 @@ impl Detector {
     }
 
     /// Writes one entry into `workspace.oriented` for each orientation of each point.
-    fn orient(&self, workspace: &mut Workspace) {
+    fn orient(&self, workspace: &mut Workspace, width: usize, height: usize) {
         let Workspace {
             scale_space,
             points,
@@ -329,7 +341,22 @@ impl Detector {
             }));
         }
         if let Some(limit) = self.params.max_features {
-            keep_strongest(oriented, limit, |p| p.response, |p| (p.index, p.rank));
+            let (response, key) = (
+                |p: &OrientedPoint| p.response,
+                |p: &OrientedPoint| (p.index, p.rank),
+            );
+            match self.params.selection {
+                Selection::Strongest => keep_strongest(oriented, limit, response, key),
+                Selection::Spread => {
+                    let grid = Grid::new(width, height, limit);
+                    let cell = |p: &OrientedPoint| {
+                        let OctavePoint { octave, point } = points[p.index];
+                        let step = self.params.octave_step(octave);
+                        grid.cell(step * point.x, step * point.y)
+                    };
+                    keep_spread(oriented, limit, response, key, cell);
+                }
+            }
         }
     }
 
@@ -391,7 +418,7 @@ impl Detector {
 ///
 /// # Errors
 /// As [`Detector::detect`].
-pub fn detect(image: &GrayImage<'_>) -> Result<Features, SiftError> {
+pub fn detect<P: Pixel>(image: &GrayImage<'_, P>) -> Result<Features, SiftError> {
     let mut features = Features::default();
     Detector::new(SiftParams::default())?.detect(image, &mut Workspace::new(), &mut features)?;
     Ok(features)

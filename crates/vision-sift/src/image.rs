@@ -1,36 +1,37 @@
 //! The grey image that the detector is given and the `f32` planes on which it works.
 //!
-//! [`GrayImage`] borrows 8-bit pixels with any row stride. [`Plane`] owns one level of the pyramid in `f32`, rows
+//! [`GrayImage`] borrows pixels with any row stride. [`Plane`] owns one level of the pyramid in `f32`, rows
 //! contiguous, grey values scaled to `[0, 1]` as in Lowe 2004, section 4.
 //!
 //! Everywhere in the crate the pixel `(0, 0)` is the *centre* of the top-left pixel, x to the right, y downwards.
 
 use crate::constants::{MAX_IMAGE_SIDE, MIN_IMAGE_SIDE};
 use crate::error::SiftError;
+use crate::pixel::Pixel;
 use crate::simd::LANES;
 
-/// A borrowed image of 8-bit grey values, with any distance between its rows.
+/// A borrowed image of grey values (`u8` unless said otherwise, see [`Pixel`]), with any distance between its rows.
 ///
 /// Sides are 16 to 32 767 pixels long. The constructor checks this once, so that no later stage can read outside.
 #[derive(Debug, Clone, Copy)]
-pub struct GrayImage<'a> {
+pub struct GrayImage<'a, P = u8> {
     width: usize,
     height: usize,
     stride: usize,
-    data: &'a [u8],
+    data: &'a [P],
 }
 
-impl<'a> GrayImage<'a> {
+impl<'a, P: Pixel> GrayImage<'a, P> {
     /// An image whose rows follow one another without gaps.
     ///
     /// # Errors
     /// [`SiftError::ImageTooSmall`], [`SiftError::ImageTooLarge`], [`SiftError::BufferTooShort`]. A longer buffer is
-    /// accepted, the rest is ignored.
-    pub fn new(width: usize, height: usize, data: &'a [u8]) -> Result<Self, SiftError> {
+    /// accepted, the rest is ignored. [`SiftError::PixelNotFinite`] for NaN or infinity among floats.
+    pub fn new(width: usize, height: usize, data: &'a [P]) -> Result<Self, SiftError> {
         Self::with_stride(width, height, width, data)
     }
 
-    /// An image whose row `y` begins at byte `y * stride`; the last row may end at its last pixel.
+    /// An image whose row `y` begins at pixel `y * stride` of the buffer; the last row may end at its last pixel.
     ///
     /// # Errors
     /// As [`GrayImage::new`], and [`SiftError::StrideTooSmall`].
@@ -38,7 +39,7 @@ impl<'a> GrayImage<'a> {
         width: usize,
         height: usize,
         stride: usize,
-        data: &'a [u8],
+        data: &'a [P],
     ) -> Result<Self, SiftError> {
         if width < MIN_IMAGE_SIDE || height < MIN_IMAGE_SIDE {
             return Err(SiftError::ImageTooSmall {
@@ -64,12 +65,22 @@ impl<'a> GrayImage<'a> {
                 required,
             });
         }
-        Ok(Self {
+        let image = Self {
             width,
             height,
             stride,
             data,
-        })
+        };
+        for y in 0..height {
+            if let Some(x) = P::not_finite(image.row(y)) {
+                return Err(SiftError::PixelNotFinite {
+                    x,
+                    y,
+                    value: image.row(y)[x].raw(),
+                });
+            }
+        }
+        Ok(image)
     }
 
     /// The width in pixels.
@@ -86,17 +97,23 @@ impl<'a> GrayImage<'a> {
     ///
     /// # Panics
     /// If `y` is not less than the height.
-    pub fn row(&self, y: usize) -> &'a [u8] {
+    pub fn row(&self, y: usize) -> &'a [P] {
         let start = y * self.stride;
         &self.data[start..start + self.width]
     }
 }
 
 #[cfg(feature = "image")]
-impl<'a> TryFrom<&'a image::GrayImage> for GrayImage<'a> {
+impl<'a, P: Pixel + image::Primitive> TryFrom<&'a image::ImageBuffer<image::Luma<P>, Vec<P>>>
+    for GrayImage<'a, P>
+where
+    image::Luma<P>: image::Pixel<Subpixel = P>,
+{
     type Error = SiftError;
 
-    fn try_from(picture: &'a image::GrayImage) -> Result<Self, SiftError> {
+    fn try_from(
+        picture: &'a image::ImageBuffer<image::Luma<P>, Vec<P>>,
+    ) -> Result<Self, SiftError> {
         Self::new(
             picture.width() as usize,
             picture.height() as usize,
@@ -224,7 +241,7 @@ mod tests {
             GrayImage::with_stride(20, 20, usize::MAX, &data),
             Err(SiftError::BufferTooShort { .. })
         ));
-        assert!(GrayImage::new(0, 0, &[]).is_err());
+        assert!(GrayImage::<u8>::new(0, 0, &[]).is_err());
     }
 
     #[test]

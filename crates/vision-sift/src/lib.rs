@@ -15,6 +15,7 @@
 mod constants;
 mod conventions;
 mod params;
+mod pixel;
 mod points;
 
 mod image;
@@ -35,6 +36,8 @@ mod orientation;
 mod descriptor;
 
 mod detector;
+#[cfg(feature = "image")]
+mod draw;
 mod error;
 mod features;
 mod strongest;
@@ -43,8 +46,12 @@ mod workspace;
 
 pub use conventions::Conventions;
 pub use detector::{Detector, Stage, detect};
+#[cfg(feature = "image")]
+pub use draw::draw_keypoints;
 pub use error::SiftError;
 pub use features::{Features, Keypoint};
 pub use image::GrayImage;
-pub use params::{Normalisation, SiftParams};
+pub use params::{Normalisation, Selection, SiftParams};
+pub use pixel::{Pixel, grey_from_rgb};
+pub use simd_level::SimdLevel;
 pub use workspace::Workspace;

@@ -8,6 +8,7 @@ use crate::error::SiftError;
 
 /// The scaling of the 128 values of a descriptor before they become bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Normalisation {
     /// Unit length, cut at 0.2, unit length again (Lowe, section 6.1), as OpenCV.
     Lowe,
@@ -18,14 +19,29 @@ pub enum Normalisation {
     Root,
 }
 
+/// The features that are kept where there are more than `max_features`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Selection {
+    /// Those with the strongest response, wherever they are.
+    #[default]
+    Strongest,
+    /// Those that are strong where they are: the image is divided into cells, one for every four features wanted, and the
+    /// cells take turns, each giving its strongest feature that is left. Features then cover the image where one textured
+    /// corner would take them all.
+    Spread,
+}
+
 /// The parameters of a [`Detector`](crate::Detector), which checks their ranges when it is made.
 ///
 /// Start from [`SiftParams::default`] and change the fields that matter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SiftParams {
-    /// Keep only this many features, those with the strongest response; equal responses: the finer octave, then the
+    /// Keep only this many features, those with the strongest response (or as `selection` says); equal responses: the finer octave, then the
     /// finer level, then the upper row, then the left column. `None` keeps all. At least 1.
     pub max_features: Option<usize>,
+    /// Which features these are. Default: the strongest.
+    pub selection: Selection,
     /// Double the image before the first octave (Lowe, section 3.3: about four times the keypoints). Default true.
     pub double_image: bool,
     /// Sampled scales per octave, `s` in Lowe, section 3.1. In `[1, 8]`, default 3 (Lowe, Fig. 3).
@@ -54,6 +70,7 @@ impl Default for SiftParams {
     fn default() -> Self {
         Self {
             max_features: None,
+            selection: Selection::Strongest,
             double_image: true,
             scales_per_octave: 3,
             contrast_threshold: 0.04,
@@ -77,6 +94,7 @@ impl SiftParams {
     pub fn opencv() -> Self {
         Self {
             max_features: None,
+            selection: Selection::Strongest,
             double_image: true,
             scales_per_octave: 3,
             contrast_threshold: 0.04,

@@ -25,6 +25,7 @@ use crate::conventions::Doubling;
 use crate::image::{GrayImage, Plane};
 use crate::kernel::{Kernel, Kernels};
 use crate::params::SiftParams;
+use crate::pixel::Pixel;
 use crate::simd::{self, Body, Lanes};
 
 /// The shortest side of an octave: a shorter one leaves no sample to examine.
@@ -88,7 +89,12 @@ impl ScaleSpace {
     }
 
     /// Sizes the pyramid for `image` and writes its grey values, scaled to `[0, 1]`, to the input plane.
-    pub(crate) fn start(&mut self, level: SimdLevel, image: &GrayImage<'_>, params: &SiftParams) {
+    pub(crate) fn start<P: Pixel>(
+        &mut self,
+        level: SimdLevel,
+        image: &GrayImage<'_, P>,
+        params: &SiftParams,
+    ) {
         let conventions = params.conventions;
         let (mut width, mut height) = (image.width(), image.height());
         if params.double_image {
@@ -153,17 +159,14 @@ impl ScaleSpace {
     }
 }
 
-/// Brings bytes to `[0, 1]`.
-const GREY_SCALE: f32 = 1.0 / 255.0;
-
 /// Scales grey values to `[0, 1]`, and doubles the image by linear interpolation where `doubling` says so.
-struct LoadRows<'a> {
-    image: &'a GrayImage<'a>,
+struct LoadRows<'a, P> {
+    image: &'a GrayImage<'a, P>,
     doubling: Option<Doubling>,
     plane: &'a mut Plane,
 }
 
-impl Body for LoadRows<'_> {
+impl<P: Pixel> Body for LoadRows<'_, P> {
     type Output = ();
 
     #[inline(always)]
@@ -174,7 +177,7 @@ impl Body for LoadRows<'_> {
             match self.doubling {
                 None => {
                     for (out, &grey) in row.iter_mut().zip(image.row(y)) {
-                        *out = f32::from(grey) * GREY_SCALE;
+                        *out = grey.raw() * P::SCALE;
                     }
                 }
                 Some(Doubling::Exact | Doubling::LastRepeated) => double_on_samples(image, y, row),
@@ -187,7 +190,7 @@ impl Body for LoadRows<'_> {
 /// Writes row `y` of the doubled image: sample `2x` is sample `x`, the odd ones are means, and the last is repeated where
 /// the row has room.
 #[inline(always)]
-fn double_on_samples(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
+fn double_on_samples<P: Pixel>(image: &GrayImage<'_, P>, y: usize, row: &mut [f32]) {
     let (width, height) = (image.width(), image.height());
     // Even rows average a row with itself: exact.
     let (upper, lower) = (image.row(y / 2), image.row(y.div_ceil(2).min(height - 1)));
@@ -196,30 +199,28 @@ fn double_on_samples(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
     let here = upper.iter().zip(lower);
     let next = upper[1..].iter().zip(&lower[1..]);
     for ((pair, (u, l)), (v, m)) in pairs.zip(here).zip(next) {
-        let here = f32::from(u16::from(*u) + u16::from(*l));
-        let next = f32::from(u16::from(*v) + u16::from(*m));
-        *pair = [
-            here * (0.5 * GREY_SCALE),
-            (here + next) * (0.25 * GREY_SCALE),
-        ];
+        // Exact for integers: sums far below 2^24.
+        let here = u.raw() + l.raw();
+        let next = v.raw() + m.raw();
+        *pair = [here * (0.5 * P::SCALE), (here + next) * (0.25 * P::SCALE)];
     }
-    let last = f32::from(u16::from(upper[width - 1]) + u16::from(lower[width - 1]));
+    let last = upper[width - 1].raw() + lower[width - 1].raw();
     for out in row[2 * width - 2..].iter_mut().take(2) {
-        *out = last * (0.5 * GREY_SCALE);
+        *out = last * (0.5 * P::SCALE);
     }
 }
 
 /// Writes row `y` of the doubled image whose sample `i` lies at `i / 2 - 1/4`: three parts of the nearer sample and one of
 /// the next, with the border repeated.
 #[inline(always)]
-fn double_by_area(image: &GrayImage<'_>, y: usize, row: &mut [f32]) {
+fn double_by_area<P: Pixel>(image: &GrayImage<'_, P>, y: usize, row: &mut [f32]) {
     let (width, height) = (image.width(), image.height());
     let (near, far) = (image.row(y / 2), image.row(beside(y, height)));
     for (x, out) in row[..2 * width].iter_mut().enumerate() {
         let (a, b) = (x / 2, beside(x, width));
-        let a = 3 * u16::from(near[a]) + u16::from(far[a]);
-        let b = 3 * u16::from(near[b]) + u16::from(far[b]);
-        *out = f32::from(3 * a + b) * (GREY_SCALE / 16.0);
+        let a = 3.0 * near[a].raw() + far[a].raw();
+        let b = 3.0 * near[b].raw() + far[b].raw();
+        *out = (3.0 * a + b) * (P::SCALE / 16.0);
     }
 }
 

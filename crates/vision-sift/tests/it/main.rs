@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 mod closed_forms;
+mod inputs;
 mod opencv_mode;
 mod optional_data;
 mod pictures;
