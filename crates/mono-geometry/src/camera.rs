@@ -145,6 +145,21 @@ impl Pinhole {
 /// ([`Self::project`], [`Self::undistort`]); an *ideal* pixel is where the same ray would meet the image of the bare
 /// pinhole ([`Self::undistort_pixel`], [`Pinhole::project`]). Filters, triangulation and epipolar geometry work in ideal
 /// pixels: the lens is taken out once per feature.
+///
+/// ```
+/// use mono_geometry::nalgebra::{Vector2, Vector3};
+/// use mono_geometry::{Camera, Distortion, Pinhole};
+///
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 319.5, cy: 239.5 };
+/// let camera = Camera::new(pinhole, Distortion::Radtan { k1: -0.2, k2: 0.05, p1: 0.0, p2: 0.0, k3: 0.0 })?;
+/// let point = Vector3::new(0.5, -0.2, 2.0);
+/// let found = camera.project(&point).expect("in view");
+/// let ideal = camera.undistort_pixel(&found)?;
+/// assert!((ideal - pinhole.project(&point).expect("in front")).norm() < 1e-9);
+/// assert!((found - ideal).norm() > 1.0);
+/// assert_eq!(camera.project(&Vector3::new(0.0, 0.0, -1.0)), None::<Vector2<f64>>);
+/// # Ok::<(), mono_geometry::GeometryError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     pinhole: Pinhole,

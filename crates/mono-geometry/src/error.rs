@@ -43,6 +43,18 @@ pub enum GeometryError {
         /// Residual that would have been accepted.
         tolerance: f64,
     },
+    /// A pixel of a fisheye that no ray meets.
+    #[error(
+        "normalised pixel ({}, {}) is met by no ray of the camera",
+        Readable(*.x),
+        Readable(*.y)
+    )]
+    NoRay {
+        /// (u - cx) / fx.
+        x: f64,
+        /// (v - cy) / fy.
+        y: f64,
+    },
     /// A 3x3 matrix is not a proper rotation.
     #[error(
         "not a rotation: largest entry of |R^T R - I| is {} (at most {}), determinant {} (required: +1)",

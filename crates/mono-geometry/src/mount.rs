@@ -15,6 +15,17 @@ use crate::so3::rotation_from_matrix;
 /// Pose of the camera in the body: from a planar body pose to a camera pose in space.
 ///
 /// R_world_from_body = Rz(phi) Ry(pitch) Rx(roll); positive pitch lowers the nose, positive roll lowers the right side.
+///
+/// ```
+/// use mono_geometry::nalgebra::Vector3;
+/// use mono_geometry::{Mount, Se2};
+///
+/// // A camera that looks along the body's x axis: its z axis is forward.
+/// let mount = Mount::forward();
+/// let world_from_camera = mount.world_from_camera(&Se2::new(1.0, 0.0, 0.0), 0.0, 0.0, 0.0);
+/// let ahead = world_from_camera.transform_point(&Vector3::new(0.0, 0.0, 2.0));
+/// assert!((ahead - Vector3::new(3.0, 0.0, 0.0)).norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
     /// Maps camera points to body points; the translation is the camera's position in the body, metres.

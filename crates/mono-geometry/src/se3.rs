@@ -7,7 +7,10 @@
 
 use estimation_base::Manifold;
 use estimation_base::series::x_minus_sin_over_x3;
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{
+    Isometry3, IsometryMatrix3, Matrix3, Matrix3x6, Matrix6, Rotation3, UnitQuaternion, Vector3,
+    Vector6,
+};
 
 use crate::series::{fifth_order_quotient, fourth_order_quotient};
 use crate::so3;
@@ -158,6 +161,51 @@ impl Se3 {
 }
 
 /// The tangent is at the right: delta = (rho, omega) in the axes of the source frame.
+/// The same motion; the rotation is copied, not computed.
+impl From<IsometryMatrix3<f64>> for Se3 {
+    fn from(isometry: IsometryMatrix3<f64>) -> Self {
+        Self::new(isometry.rotation, isometry.translation.vector)
+    }
+}
+
+/// The same motion; the rotation is copied, not computed.
+impl From<Se3> for IsometryMatrix3<f64> {
+    fn from(motion: Se3) -> Self {
+        Self::from_parts(motion.translation.into(), motion.rotation)
+    }
+}
+
+/// The same motion, up to the rounding of quaternion to matrix.
+///
+/// ```
+/// use mono_geometry::Se3;
+/// use mono_geometry::nalgebra::{Isometry3, Point3, Vector3};
+///
+/// let isometry = Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.1, -0.2, 0.3));
+/// let motion = Se3::from(isometry);
+/// let point = Vector3::new(0.5, 0.0, -1.0);
+/// let moved = isometry.transform_point(&Point3::from(point)).coords;
+/// assert!((motion.transform_point(&point) - moved).norm() < 1e-14);
+/// let back = Isometry3::from(motion);
+/// assert!((back.inverse() * isometry).rotation.angle() < 1e-14);
+/// ```
+impl From<Isometry3<f64>> for Se3 {
+    fn from(isometry: Isometry3<f64>) -> Self {
+        Self::new(
+            isometry.rotation.to_rotation_matrix(),
+            isometry.translation.vector,
+        )
+    }
+}
+
+/// The same motion, up to the rounding of matrix to quaternion.
+impl From<Se3> for Isometry3<f64> {
+    fn from(motion: Se3) -> Self {
+        let rotation = UnitQuaternion::from_rotation_matrix(&motion.rotation);
+        Self::from_parts(motion.translation.into(), rotation)
+    }
+}
+
 impl Manifold<6> for Se3 {
     fn retract(&self, delta: &Vector6<f64>) -> Self {
         let mut moved = self.compose(&Self::exp(delta));

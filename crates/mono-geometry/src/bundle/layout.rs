@@ -46,6 +46,8 @@ pub(super) struct Layout {
     /// Free pose of each link.
     pub(super) links: Vec<usize>,
     pub(super) runs: Vec<Run>,
+    /// For each free pose the first that it shares a landmark or an odometry factor with, itself at the latest.
+    pub(super) first: Vec<usize>,
     /// Where the sightings, links and runs of each landmark begin; one entry more than landmarks.
     pub(super) starts: Vec<Start>,
 }
@@ -82,6 +84,7 @@ impl Layout {
             sightings: Vec::with_capacity(order.len()),
             links: Vec::with_capacity(order.len()),
             runs: Vec::new(),
+            first: Vec::new(),
             starts: Vec::with_capacity(problem.landmarks.len() + 1),
         };
         let mut rest = order.iter().peekable();
@@ -104,6 +107,21 @@ impl Layout {
             }
         }
         layout.open();
+        layout.first = (0..layout.free_poses.len()).collect();
+        for range in layout.starts.windows(2) {
+            let links = &layout.links[range[0].link..range[1].link];
+            for &pose in links {
+                // Links ascend.
+                layout.first[pose] = layout.first[pose].min(links[0]);
+            }
+        }
+        for factor in &problem.odometry {
+            let ends = (layout.free_index[factor.from], layout.free_index[factor.to]);
+            if let (Some(from), Some(to)) = ends {
+                let (low, high) = (from.min(to), from.max(to));
+                layout.first[high] = layout.first[high].min(low);
+            }
+        }
         layout
     }
 

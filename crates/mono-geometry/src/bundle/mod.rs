@@ -10,8 +10,9 @@
 //! Steps: [`Problem`] describes it, [`adjust`] minimises by Levenberg-Marquardt with the landmarks eliminated (Schur
 //! complement), [`covariance()`] gives marginal covariances of poses and landmarks. Derivation: page 10 of `docs/math`.
 //!
-//! Degenerate: see [`adjust`] for landmarks that are not fixed, [`covariance()`] for the gauge. Not for thousands of
-//! poses: the reduced system is dense, (D poses)^3 / 3 operations an iteration.
+//! Degenerate: see [`adjust`] for landmarks that are not fixed, [`covariance()`] for the gauge. Long chains of
+//! poses are solved by the envelope of their reduced system (n b^2 operations an iteration for n poses with neighbourhoods of
+//! b); one whose poses see all places again and again is dense, (D poses)^3 / 3 operations. The covariance is dense always.
 //!
 //! ```
 //! use mono_geometry::bundle::{Options, PixelObservation, PlanarProblem, adjust};
@@ -45,6 +46,7 @@ mod layout;
 mod normal;
 mod pose;
 mod problem;
+mod reduced;
 mod schur;
 mod solve;
 #[cfg(test)]

@@ -9,11 +9,12 @@
 //! With x = X_c / Z, J_c the 2x3 derivative of the pixel by the point in camera axes and R = R_camera_from_body,
 //! the derivative by the landmark is J_c R_camera_from_world, and by the pose J_c R (-I, hat(p_body)).
 
-use nalgebra::{DMatrix, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::layout::{Layout, NO_LINK};
 use super::pose::BundlePose;
 use super::problem::{Problem, bad, odometry_error, prior_error};
+use super::reduced::Reduced;
 use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::linalg::cholesky;
@@ -158,7 +159,7 @@ pub(super) fn cost<P: BundlePose<D>, const D: usize>(
 #[derive(Debug)]
 pub(super) struct Normal<const D: usize> {
     /// Lower triangle of U with the odometry's blocks off its diagonal; D times free poses.
-    pub(super) u: DMatrix<f64>,
+    pub(super) u: Reduced,
     pub(super) pose_gradient: Vec<f64>,
     pub(super) v: Vec<Matrix3<f64>>,
     pub(super) landmark_gradient: Vec<Vector3<f64>>,
@@ -173,7 +174,7 @@ impl<const D: usize> Normal<D> {
         let size = D * layout.free_poses.len();
         let landmarks = layout.starts.len() - 1;
         Self {
-            u: DMatrix::zeros(size, size),
+            u: Reduced::new(layout, D),
             pose_gradient: vec![0.0; size],
             v: vec![Matrix3::zeros(); landmarks],
             landmark_gradient: vec![Vector3::zeros(); landmarks],
@@ -192,7 +193,7 @@ impl<const D: usize> Normal<D> {
         estimate: &Estimate<P>,
     ) -> Result<(), Behind> {
         self.fill_pixels(problem, layout, loss, estimate)?;
-        self.u.fill(0.0);
+        self.u.clear();
         self.pose_gradient.fill(0.0);
         for (free, &pose) in layout.free_poses.iter().enumerate() {
             let (hessian, gradient) = self.pose_blocks[pose];
@@ -295,7 +296,7 @@ impl<const D: usize> Normal<D> {
         for j in 0..D {
             let first = if row == column { j } else { 0 };
             for i in first..D {
-                self.u[(row * D + i, column * D + j)] += block[(i, j)];
+                self.u.add(row * D + i, column * D + j, block[(i, j)]);
             }
         }
     }

@@ -5,7 +5,7 @@
 //! > S dp = -g_p + W V^-1 g_l,  S = U - W V^-1 W^T,  dl = -V^-1 (g_l + W^T dp).
 //!
 //! Steps: factorise V = G^-T G^-1 (3x3 Cholesky); Z = W G for every link; S -= Z Z^T over the links of the landmark;
-//! dense Cholesky of S; back-substitution. Cost per landmark seen by n poses: n^2 D^2 multiplications by 3.
+//! Cholesky of S (`reduced`); back-substitution. Cost per landmark seen by n poses: n^2 D^2 multiplications by 3.
 //!
 //! Degenerate: a landmark seen once, or from one place only, or at infinity, leaves V singular. Then G holds only the
 //! directions whose eigenvalues stand above rounding, V^+ = G G^T: the landmark does not move along the others and says
@@ -13,12 +13,12 @@
 //!
 //! Source: Brown (1958); Triggs, McLauchlan, Hartley and Fitzgibbon (2000), section 6.1.
 
-use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::layout::Layout;
 use super::normal::Normal;
+use super::reduced::{Factor, Reduced};
 use crate::error::GeometryError;
-use crate::linalg::DenseCholesky;
 
 /// Eigenvalues of V below this share of the largest are rounding. V is a sum of products of Jacobians that carry a
 /// relative error of some tens of eps; a parallax of p radians gives a ratio of about p^2, so this is p = 2e-7.
@@ -93,8 +93,8 @@ impl InverseRoot {
 /// Buffers of the elimination.
 #[derive(Debug)]
 pub(super) struct Schur<const D: usize> {
-    /// S in the lower triangle, then its factor.
-    matrix: DMatrix<f64>,
+    /// S, then its factor.
+    matrix: Reduced,
     no_floor: Vec<f64>,
     roots: Vec<InverseRoot>,
     /// Z of one landmark, column by column.
@@ -108,11 +108,16 @@ pub(super) struct Schur<const D: usize> {
 
 impl<const D: usize> Schur<D> {
     pub(super) fn new(layout: &Layout) -> Self {
+        Self::with(layout, Reduced::new(layout, D))
+    }
+
+    /// Buffers around a reduced system.
+    pub(super) fn with(layout: &Layout, matrix: Reduced) -> Self {
         let size = D * layout.free_poses.len();
         let landmarks = layout.starts.len() - 1;
         let column = vec![0.0; D * layout.longest()];
         Self {
-            matrix: DMatrix::zeros(size, size),
+            matrix,
             no_floor: vec![0.0; size],
             roots: vec![InverseRoot::by_eigenvalues(&Matrix3::zeros()); landmarks],
             z: [column.clone(), column.clone(), column],
@@ -126,14 +131,14 @@ impl<const D: usize> Schur<D> {
     /// Scale of every coordinate: the diagonal of the Hessian, never quite zero.
     pub(super) fn set_scales(&mut self, normal: &Normal<D>) {
         let size = self.pose_scale.len();
-        let largest = (0..size).fold(0.0_f64, |m, j| m.max(normal.u[(j, j)]));
+        let largest = (0..size).fold(0.0_f64, |m, j| m.max(normal.u.get(j, j)));
         let floor = if largest > 0.0 {
             POSE_DAMPING_FLOOR * largest
         } else {
             1.0
         };
         for j in 0..size {
-            self.pose_scale[j] = normal.u[(j, j)].max(floor);
+            self.pose_scale[j] = normal.u.get(j, j).max(floor);
         }
         for (scale, v) in self.landmark_scale.iter_mut().zip(&normal.v) {
             let diagonal = v.diagonal();
@@ -154,7 +159,7 @@ impl<const D: usize> Schur<D> {
     ) -> Result<(), GeometryError> {
         self.matrix.copy_from(&normal.u);
         for (j, scale) in self.pose_scale.iter().enumerate() {
-            self.matrix[(j, j)] += damping * scale;
+            self.matrix.add(j, j, damping * scale);
             self.pose_step[j] = -normal.pose_gradient[j];
         }
         for landmark in 0..normal.v.len() {
@@ -175,17 +180,9 @@ impl<const D: usize> Schur<D> {
                 }
             }
         }
-        let size = self.matrix.nrows();
-        let matrix = std::mem::replace(&mut self.matrix, DMatrix::zeros(0, 0));
-        let factor = match DenseCholesky::new(matrix, &self.no_floor) {
-            Ok(factor) => factor,
-            Err(error) => {
-                self.matrix = DMatrix::zeros(size, size);
-                return Err(error);
-            }
-        };
+        let factor = self.matrix.factorise(&self.no_floor)?;
         let solved = factor.solve_in_place(&mut self.pose_step);
-        self.matrix = factor.into_buffer();
+        self.matrix.reuse(factor);
         solved?;
         self.substitute_back(layout, normal);
         Ok(())
@@ -208,31 +205,8 @@ impl<const D: usize> Schur<D> {
                 }
             }
         }
-        let size = self.matrix.nrows();
-        let entries = self.matrix.as_mut_slice();
-        let [z0, z1, z2] = &self.z;
-        let runs = &layout.runs[start.run..end.run];
-        for (r, run) in runs.iter().enumerate() {
-            for a in 0..run.length * D {
-                let row = run.local * D + a;
-                let column = &mut entries[(run.free_pose * D + a) * size..][..size];
-                let factors = [z0[row], z1[row], z2[row]];
-                // On and below the diagonal of the first run, all rows of the later ones.
-                subtract(
-                    &mut column[run.free_pose * D + a..(run.free_pose + run.length) * D],
-                    [&z0[row..], &z1[row..], &z2[row..]],
-                    factors,
-                );
-                for below in &runs[r + 1..] {
-                    let first = below.local * D;
-                    subtract(
-                        &mut column[below.free_pose * D..(below.free_pose + below.length) * D],
-                        [&z0[first..], &z1[first..], &z2[first..]],
-                        factors,
-                    );
-                }
-            }
-        }
+        self.matrix
+            .subtract(&layout.runs[start.run..end.run], &self.z, D);
         (end.link - start.link) * D
     }
 
@@ -264,10 +238,12 @@ impl<const D: usize> Schur<D> {
         mut self,
         layout: &Layout,
         normal: &Normal<D>,
-    ) -> Result<(DenseCholesky, Vec<InverseRoot>, Vec<f64>), GeometryError> {
+    ) -> Result<(Factor, Vec<InverseRoot>, Vec<f64>), GeometryError> {
         self.matrix.copy_from(&normal.u);
-        let size = self.matrix.nrows();
-        let mut floor: Vec<f64> = (0..size).map(|j| size as f64 * normal.u[(j, j)]).collect();
+        let size = self.matrix.size();
+        let mut floor: Vec<f64> = (0..size)
+            .map(|j| size as f64 * normal.u.get(j, j))
+            .collect();
         for landmark in 0..normal.v.len() {
             let root = InverseRoot::new(&normal.v[landmark]);
             self.roots[landmark] = root;
@@ -284,7 +260,7 @@ impl<const D: usize> Schur<D> {
         for value in &mut floor {
             *value *= f64::EPSILON;
         }
-        match DenseCholesky::new(self.matrix, &floor) {
+        match self.matrix.factorise(&floor) {
             Ok(factor) => Ok((factor, self.roots, floor)),
             Err(GeometryError::NotPositiveDefinite {
                 pivot,
@@ -298,16 +274,6 @@ impl<const D: usize> Schur<D> {
             }),
             Err(other) => Err(other),
         }
-    }
-}
-
-/// target -= z0 f0 + z1 f1 + z2 f2.
-#[inline]
-fn subtract(target: &mut [f64], z: [&[f64]; 3], factors: [f64; 3]) {
-    let length = target.len();
-    let (z0, z1, z2) = (&z[0][..length], &z[1][..length], &z[2][..length]);
-    for i in 0..length {
-        target[i] -= z0[i] * factors[0] + z1[i] * factors[1] + z2[i] * factors[2];
     }
 }
 

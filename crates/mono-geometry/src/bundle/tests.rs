@@ -10,6 +10,7 @@ use super::pose::BundlePose;
 use super::problem::{
     OdometryFactor, PixelObservation, PosePrior, Problem, odometry_error, prior_error,
 };
+use super::reduced::Reduced;
 use super::schur::Schur;
 use crate::camera::Pinhole;
 use crate::noise_shape::NoiseShape;
@@ -299,8 +300,8 @@ fn dense<const D: usize>(layout: &Layout, normal: &Normal<D>) -> (DMatrix<f64>, 
     for j in 0..poses {
         gradient[j] = normal.pose_gradient[j];
         for i in j..poses {
-            hessian[(i, j)] = normal.u[(i, j)];
-            hessian[(j, i)] = normal.u[(i, j)];
+            hessian[(i, j)] = normal.u.get(i, j);
+            hessian[(j, i)] = normal.u.get(i, j);
         }
     }
     for (l, range) in layout.starts.windows(2).enumerate() {
@@ -516,8 +517,11 @@ fn the_robust_gradient_is_exact() {
 fn check_schur<P: BundlePose<D>, const D: usize>(problem: &Problem<P, D>) {
     let (layout, _, normal) = filled(problem, RobustLoss::Huber { threshold: 1.5 });
     let (hessian, gradient) = dense(&layout, &normal);
-    for damping in [0.0, 1e-6, 0.1, 10.0] {
-        let mut schur = Schur::new(&layout);
+    for (damping, by_envelope) in [0.0, 1e-6, 0.1, 10.0]
+        .map(|d| [(d, false), (d, true)])
+        .concat()
+    {
+        let mut schur = Schur::with(&layout, Reduced::stored(&layout, D, by_envelope));
         schur.set_scales(&normal);
         schur.step(&layout, &normal, damping).expect("regular");
         let mut damped = hessian.clone();

@@ -21,6 +21,7 @@ use crate::linalg::{NullVector, null_vector};
 
 /// Whether pixels are rectangular.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Skew {
     /// The axes of the sensor are at right angles, as in every camera of this crate.
     Zero,

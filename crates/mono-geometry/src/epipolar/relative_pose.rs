@@ -139,6 +139,7 @@ pub struct Candidate {
 
 /// Why cheirality does not decide.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Undecided {
     /// No candidate has a match in front of both cameras.
     #[error(

@@ -59,6 +59,7 @@ pub struct HomographyFit {
 
 /// Why there is no homography.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum HomographyError {
     /// The two lists differ in length.
     #[error("{sources} source points and {targets} target points, required: as many")]

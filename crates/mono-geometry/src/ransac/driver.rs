@@ -74,6 +74,7 @@ pub enum Stop {
 
 /// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Report<M> {
     /// The best model; `None` if no sample gave any.
     pub best: Option<Consensus<M>>,

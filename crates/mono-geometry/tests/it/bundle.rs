@@ -11,6 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::common::bundle::{observe, require_gauge_error, small, solved};
+use crate::common::long_chain;
 use crate::common::wall_run::{self, Simulated, WallRun, pinhole};
 
 /// Rectified stereo: depth from the disparity, v the mean of the two, the cost what is left of their difference.
@@ -469,4 +470,53 @@ fn a_step_behind_the_camera_is_not_taken_and_holds_nothing_else_up() {
         adjust(&problem, &Options::default()),
         Err(GeometryError::InvalidElement { index: 0, value, .. }) if value == -2.0
     ));
+}
+
+/// Two thousand poses around a circle that closes: a dense system of 6000 rows would take 288 MB and minutes. Pixels are exact,
+/// the odometry drifts by a quarter of a metre and more; what is left is what its noise can pull.
+#[test]
+fn a_chain_of_two_thousand_poses_that_closes_a_loop_is_adjusted() {
+    let (problem, truth) = long_chain::circle(2000, 3);
+    // the heading passes the cut: places alone
+    let off = |poses: &[Se2]| {
+        let squares = poses
+            .iter()
+            .zip(&truth)
+            .map(|(p, t)| (p.x - t.x).powi(2) + (p.y - t.y).powi(2));
+        (squares.sum::<f64>() / truth.len() as f64).sqrt()
+    };
+    let before = off(&problem.poses);
+    let adjusted = adjust(&problem, &Options::default()).expect("a minimum");
+    assert!(
+        adjusted.termination.converged(),
+        "{:?}",
+        adjusted.termination
+    );
+    let after = off(&adjusted.poses);
+    assert!(before > 0.1 && after < 0.2 * before, "{before} {after}");
+}
+
+/// 150 poses are solved dense, 400 by their envelope. A pose that nothing ties to the others but its own prior makes no
+/// difference to them: with 250 such poses behind it the chain of 150 has the answer of the chain alone.
+#[test]
+fn an_envelope_gives_the_answer_of_the_dense_system() {
+    let (alone, _) = long_chain::circle(150, 5);
+    let mut extended = alone.clone();
+    for k in 0..250 {
+        let pose = extended.poses.len();
+        let mean = Se2::new(f64::from(k), 1.0, 0.1);
+        extended.poses.push(mean);
+        extended.priors.push(PosePrior {
+            pose,
+            mean,
+            covariance: Matrix3::identity() * 0.01,
+        });
+    }
+    let options = Options::default();
+    let dense = adjust(&alone, &options).expect("a minimum");
+    let by_envelope = adjust(&extended, &options).expect("a minimum");
+    for (a, b) in dense.poses.iter().zip(&by_envelope.poses) {
+        assert!(a.between(b).log().amax() < 1e-9);
+    }
+    assert!((dense.cost - by_envelope.cost).abs() < 1e-9 * dense.cost);
 }

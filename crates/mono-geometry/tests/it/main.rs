@@ -7,6 +7,7 @@ mod bundle_input;
 mod calibration;
 mod cameras;
 mod common;
+mod double_sphere;
 mod epipolar;
 mod groups;
 mod homography;

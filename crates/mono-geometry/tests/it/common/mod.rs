@@ -3,6 +3,8 @@
 #[cfg(feature = "bundle")]
 pub(crate) mod bundle;
 #[cfg(feature = "bundle")]
+pub(crate) mod long_chain;
+#[cfg(feature = "bundle")]
 pub(crate) mod wall_run;
 
 use std::f64::consts::{FRAC_PI_2, PI};
