@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use crate::landmark_map::{BITS, CowMap, Node, WIDTH};
+use crate::slots::Slots;
 
 /// A node, and the branch levels at and below it above the leaves.
 type Side<'a, T> = Option<(&'a Arc<Node<T>>, u32)>;
@@ -66,7 +67,7 @@ fn compare<'a, T>(
             None => None,
         });
         for index in 0..WIDTH {
-            let value = |slots: Option<&'a [Option<T>; WIDTH]>| slots?[index].as_ref();
+            let value = |slots: Option<&'a Slots<T>>| slots?.get(index);
             let (old, new) = (value(before), value(now));
             if old.is_some() || new.is_some() {
                 visit((prefix << BITS) | index as u32, old, new);

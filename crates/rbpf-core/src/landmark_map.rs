@@ -7,10 +7,10 @@
 //! updating k landmarks costs O(k log16 M) at most.
 //!
 //! Ids should be dense, numbered from zero as landmarks are created: the memory follows the number of
-//! occupied leaves of 16 ids. Iteration is in the order of the ids. Nodes left empty by a removal are
+//! values and of occupied leaves of 16 ids. Iteration is in the order of the ids. Nodes left empty by a removal are
 //! dropped.
 //!
-//! A write to a shared leaf clones up to 15 neighbours of the value, so `T` should be plain data;
+//! A write to a shared leaf clones the values beside it, at most 15, so `T` should be plain data;
 //! descriptors and pictures belong behind an `Arc` or outside the map.
 //!
 //! For sparse ids such as hashes use an ordered or hashed map, and where a single owner writes
@@ -19,6 +19,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
+
+use crate::slots::Slots;
 
 pub(crate) const BITS: u32 = 4;
 pub(crate) const WIDTH: usize = 1 << BITS;
@@ -56,7 +58,7 @@ pub struct SharedLeaves {
 
 #[derive(Debug)]
 pub(crate) enum Node<T> {
-    Leaf([Option<T>; WIDTH]),
+    Leaf(Slots<T>),
     Branch([Option<Arc<Self>>; WIDTH]),
 }
 
@@ -93,7 +95,7 @@ impl<T> CowMap<T> {
         let mut level = self.height;
         loop {
             match node {
-                Node::Leaf(slots) => return slots[slot(id, 0)].as_ref(),
+                Node::Leaf(slots) => return slots.get(slot(id, 0)),
                 Node::Branch(children) => {
                     node = children[slot(id, level)].as_deref()?;
                     level -= 1;
@@ -175,7 +177,7 @@ impl<T: Clone> CowMap<T> {
         let mut level = self.height;
         loop {
             match node {
-                Node::Leaf(slots) => return slots[slot(id, 0)].as_mut(),
+                Node::Leaf(slots) => return slots.get_mut(slot(id, 0)),
                 Node::Branch(children) => {
                     node = Arc::make_mut(children[slot(id, level)].as_mut()?);
                     level -= 1;
@@ -200,7 +202,7 @@ impl<T: Clone> CowMap<T> {
             let node = Arc::make_mut(place.get_or_insert_with(|| Arc::new(Node::empty(level))));
             match node {
                 Node::Leaf(slots) => {
-                    let old = slots[slot(id, 0)].replace(value);
+                    let old = slots.insert(slot(id, 0), value);
                     self.len += usize::from(old.is_none());
                     return old;
                 }
@@ -256,9 +258,7 @@ impl<T> MappedNodes<T> {
         }
         let id = |index: usize| (prefix << BITS) | index as u32;
         let made = Arc::new(match &**node {
-            Node::Leaf(slots) => Node::Leaf(std::array::from_fn(|i| {
-                slots[i].as_ref().map(|old| value(id(i), old))
-            })),
+            Node::Leaf(slots) => Node::Leaf(slots.mapped(|i, old| value(id(i), old))),
             Node::Branch(children) => Node::Branch(std::array::from_fn(|i| {
                 children[i]
                     .as_ref()
@@ -288,15 +288,24 @@ impl<T> fmt::Debug for MappedNodes<T> {
 impl<T> Node<T> {
     fn empty(level: u32) -> Self {
         if level == 0 {
-            Self::Leaf(std::array::from_fn(|_| None))
+            Self::Leaf(Slots::EMPTY)
         } else {
             Self::Branch(no_children())
         }
     }
 
+    /// Bytes on the heap, with the two reference counts before the node.
+    pub(crate) const fn bytes(&self) -> usize {
+        let values = match self {
+            Self::Leaf(slots) => slots.heap_bytes(),
+            Self::Branch(_) => 0,
+        };
+        size_of::<Self>() + 2 * size_of::<usize>() + values
+    }
+
     fn is_empty(&self) -> bool {
         match self {
-            Self::Leaf(slots) => slots.iter().all(Option::is_none),
+            Self::Leaf(slots) => slots.is_empty(),
             Self::Branch(children) => children.iter().all(Option::is_none),
         }
     }
@@ -326,7 +335,7 @@ const fn fits(id: u32, height: u32) -> bool {
 fn remove_below<T: Clone>(place: &mut Option<Arc<Node<T>>>, level: u32, id: u32) -> Option<T> {
     let node = Arc::make_mut(place.as_mut()?);
     let removed = match node {
-        Node::Leaf(slots) => slots[slot(id, 0)].take(),
+        Node::Leaf(slots) => slots.remove(slot(id, 0)),
         Node::Branch(children) => remove_below(&mut children[slot(id, level)], level - 1, id),
     };
     if node.is_empty() {
@@ -343,8 +352,7 @@ fn count_shared<T>(
 ) {
     let shared = inside_shared || twin.is_some_and(|twin| Arc::ptr_eq(node, twin));
     if !shared {
-        // two reference counts before the node
-        count.own_bytes += size_of::<Node<T>>() + 2 * size_of::<usize>();
+        count.own_bytes += node.bytes();
     }
     match &**node {
         Node::Leaf(_) => {
@@ -389,7 +397,7 @@ impl<'a, T> Iterator for Iter<'a, T> {
             let number = (prefix << BITS) | index as u32;
             match node {
                 Node::Leaf(slots) => {
-                    if let Some(value) = &slots[index] {
+                    if let Some(value) = slots.get(index) {
                         self.remaining -= 1;
                         return Some((number, value));
                     }

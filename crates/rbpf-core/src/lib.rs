@@ -24,6 +24,7 @@ mod memory;
 mod parallel;
 mod particle_set;
 mod resampling;
+mod slots;
 mod step;
 mod stored;
 mod streams;

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use crate::error::RbpfError;
 use crate::history::PersistentPath;
 use crate::landmark_map::{CowMap, HIGHEST, Node, WIDTH};
+use crate::slots::Slots;
 
 /// A node of a map: the values of its slots, or the numbers of its children in the list.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,8 +83,7 @@ impl<'a, T: Clone> NodeTable<'a, T> {
             Node::Leaf(slots) => StoredNode::Leaf(
                 slots
                     .iter()
-                    .enumerate()
-                    .filter_map(|(slot, value)| Some((slot as u8, value.clone()?)))
+                    .map(|(slot, value)| (slot as u8, value.clone()))
                     .collect(),
             ),
             Node::Branch(children) => StoredNode::Branch(
@@ -128,10 +128,12 @@ impl<T> StoredNodes<T> {
         for stored in self.nodes {
             let next = match stored {
                 StoredNode::Leaf(values) => {
-                    let mut slots = std::array::from_fn(|_| None);
+                    let mut slots = Slots::EMPTY;
                     let len = values.len() as u64;
                     values_so_far += len;
-                    fill(&mut slots, values)?;
+                    fill(values, |slot, value| {
+                        slots.insert(slot, value);
+                    })?;
                     Rebuilt {
                         node: Arc::new(Node::Leaf(slots)),
                         height: 0,
@@ -167,7 +169,7 @@ fn branch<T>(earlier: &[Rebuilt<T>], children: &[(u8, u32)]) -> Result<Rebuilt<T
         own.push((slot, child.node.clone()));
     }
     let mut slots = std::array::from_fn(|_| None);
-    fill(&mut slots, own)?;
+    fill(own, |slot, child| slots[slot] = Some(child))?;
     match height {
         Some(below) if below < HIGHEST => Ok(Rebuilt {
             node: Arc::new(Node::Branch(slots)),
@@ -179,17 +181,17 @@ fn branch<T>(earlier: &[Rebuilt<T>], children: &[(u8, u32)]) -> Result<Rebuilt<T
 }
 
 /// Puts values into their slots: at least one, in rising order.
-fn fill<V>(slots: &mut [Option<V>; WIDTH], values: Vec<(u8, V)>) -> Result<(), RbpfError> {
+fn fill<V>(values: Vec<(u8, V)>, mut put: impl FnMut(usize, V)) -> Result<(), RbpfError> {
     if values.is_empty() {
         return Err(RbpfError::Stored("no node is empty"));
     }
     let mut least = 0;
     for (slot, value) in values {
-        let place = slots.get_mut(usize::from(slot));
-        let (Some(place), true) = (place, slot >= least) else {
+        let place = usize::from(slot);
+        if place >= WIDTH || slot < least {
             return Err(RbpfError::Stored("the slots of a node rise from 0 to 15"));
-        };
-        *place = Some(value);
+        }
+        put(place, value);
         least = slot + 1;
     }
     Ok(())
