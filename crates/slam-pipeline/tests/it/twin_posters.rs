@@ -19,6 +19,9 @@ const FOUND: usize = 100;
 
 /// A robot maps the first poster, drives on with its lens covered, and sees the second one, which looks the same to the last
 /// pixel: nothing may join the two places. Then it drives back to the first one, and that is found.
+///
+/// At the second poster fewer than fifteen keyframes have passed, so that the search by appearance is not asked yet: this holds the
+/// outcome, not the thresholds of that search.
 #[test]
 fn twin_posters_are_two_places_and_a_return_is_one() {
     let spec = SceneSpec {
