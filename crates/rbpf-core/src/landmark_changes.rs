@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use crate::landmark_map::{BITS, CowMap, Node, WIDTH};
-use crate::slots::Slots;
+use crate::landmark_map::{CowMap, Node};
+use crate::slots::{BITS, Slots, WIDTH};
 
 /// A node, and the branch levels at and below it above the leaves.
 type Side<'a, T> = Option<(&'a Arc<Node<T>>, u32)>;

@@ -20,10 +20,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use crate::slots::Slots;
+use crate::slots::{BITS, Slots, WIDTH};
 
-pub(crate) const BITS: u32 = 4;
-pub(crate) const WIDTH: usize = 1 << BITS;
 /// Branch levels above the leaves, at most: eight levels of four bits are all of an id.
 pub(crate) const HIGHEST: u32 = u32::BITS / BITS - 1;
 

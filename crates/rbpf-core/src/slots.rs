@@ -3,7 +3,10 @@
 //! Landmarks that live long are few among the ids that were given out, so most leaves of an old map hold one or two. A leaf
 //! with a place for each of sixteen took sixteen times their memory, and a write to one copied as much.
 
-use crate::landmark_map::WIDTH;
+/// Bits of an id that a node takes.
+pub(crate) const BITS: u32 = 4;
+/// Number of slots of a node.
+pub(crate) const WIDTH: usize = 1 << BITS;
 
 /// Values in increasing order of their slots.
 #[derive(Debug, Clone)]

@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use crate::error::RbpfError;
 use crate::history::PersistentPath;
-use crate::landmark_map::{CowMap, HIGHEST, Node, WIDTH};
-use crate::slots::Slots;
+use crate::landmark_map::{CowMap, HIGHEST, Node};
+use crate::slots::{Slots, WIDTH};
 
 /// A node of a map: the values of its slots, or the numbers of its children in the list.
 #[derive(Debug, Clone, PartialEq)]

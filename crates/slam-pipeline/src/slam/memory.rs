@@ -4,8 +4,8 @@
 //! a place in the map of every particle. The maps share their nodes: landmarks out of view are in one map that all particles
 //! share, those in view since the last common ancestor in one of each particle, and the states from which the recent path is
 //! driven again hold earlier versions. All distinct nodes are counted, so that the sum follows what the particles have in
-//! common; divided by the landmarks it is the price of one, about 0.8 kB where most are out of view. The path and the joint
-//! covariance of its keyframes are counted apart, because fewer landmarks make neither shorter.
+//! common; divided by the landmarks it is the price of one, about 0.8 kB where most are out of view. The path, its recent
+//! measurements and the joint covariance of its keyframes are counted apart, because fewer landmarks make neither shorter.
 
 use rbpf_core::SharedBytes;
 
@@ -65,6 +65,9 @@ impl Slam {
                 count(earlier);
             }
         }
+        // What the recent path is driven again with.
+        let steps = state.window.steps.iter();
+        let measured: usize = steps.map(|s| size_of_val(&*s.observation.matches)).sum();
         let descriptor = size_of::<[u8; 128]>() + ALLOCATION;
         let entry = (size_of::<(u32, Entry)>() as f64 / FILLED) as usize + 2 * descriptor;
         // The ids by groups of anchors.
@@ -73,7 +76,7 @@ impl Slam {
             landmarks: maps.bytes()
                 + state.catalogue.len() * (entry + grouped)
                 + state.places.memory_usage(),
-            path: paths.bytes() + state.drift.memory_usage() + size_of_val(&*state.path),
+            path: paths.bytes() + state.drift.memory_usage() + size_of_val(&*state.path) + measured,
         }
     }
 }

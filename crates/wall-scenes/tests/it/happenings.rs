@@ -283,7 +283,7 @@ fn impossible_happenings_are_refused_with_the_number_given() {
         (pause(0, 5), "frames between pauses 0, required: 1 to"),
         (
             pause(5, usize::MAX),
-            "frames of a pause 18446744073709552000, required: 1 to 40000",
+            "frames of a pause 1.84467e19, required: 1 to 40000",
         ),
         (
             with(Mishaps {
