@@ -68,6 +68,11 @@ pub struct Odometer {
     distance_m: f64,
 }
 
+/// Speeds that no robot has, m/s and rad/s: numbers beyond them are errors of units or of memory.
+const FASTEST: f64 = 1000.0;
+/// A longest interval, seconds: eleven days.
+const LONGEST_S: f64 = 1e6;
+
 const REST: Increment = Increment {
     mean: Se2 {
         x: 0.0,
@@ -77,6 +82,22 @@ const REST: Increment = Increment {
     covariance: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     turn_bias_gain: Vector3::new(0.0, 0.0, 0.0),
 };
+
+fn within(
+    name: &'static str,
+    value: f64,
+    largest: f64,
+    required: &'static str,
+) -> Result<(), GeometryError> {
+    if value.abs() <= largest {
+        return Ok(());
+    }
+    Err(GeometryError::InvalidParameter {
+        name,
+        value,
+        required,
+    })
+}
 
 impl Odometer {
     /// An odometer at rest that moves by exact arcs.
@@ -114,8 +135,21 @@ impl Odometer {
     /// Adds an interval, its noise independent of that of the others.
     ///
     /// # Errors
-    /// [`GeometryError`] for numbers that are not finite.
+    /// [`GeometryError`] for numbers that are not finite or that no robot drives: beyond 1000 m/s, 1000 rad/s and 10^6 s.
     pub fn push(&mut self, interval: &OdometryInterval) -> Result<(), GeometryError> {
+        within("odometry v (m/s)", interval.v_mps, FASTEST, "-1000 to 1000")?;
+        within(
+            "odometry omega (rad/s)",
+            interval.omega_radps,
+            FASTEST,
+            "-1000 to 1000",
+        )?;
+        within(
+            "odometry duration (s)",
+            interval.duration_s,
+            LONGEST_S,
+            "0 to 1000000",
+        )?;
         let sample = OdometrySample {
             t_s: self.dt_s,
             v_mps: interval.v_mps,

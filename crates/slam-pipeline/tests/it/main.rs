@@ -10,6 +10,7 @@ mod budget;
 mod drive;
 mod frame_loop;
 mod hostile;
+mod hostile_features;
 #[path = "../../../slam-io/tests/it/hostile/mutations.rs"]
 mod mutations;
 mod old_places;
