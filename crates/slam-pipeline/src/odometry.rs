@@ -70,8 +70,8 @@ pub struct Odometer {
 
 /// Speeds that no robot has, m/s and rad/s: numbers beyond them are errors of units or of memory.
 const FASTEST: f64 = 1000.0;
-/// A longest interval, seconds: eleven days.
-const LONGEST_S: f64 = 1e6;
+/// A longest interval, seconds: thirty thousand years; clocks that jump do so by decades.
+const LONGEST_S: f64 = 1e12;
 
 const REST: Increment = Increment {
     mean: Se2 {
@@ -135,7 +135,7 @@ impl Odometer {
     /// Adds an interval, its noise independent of that of the others.
     ///
     /// # Errors
-    /// [`GeometryError`] for numbers that are not finite or that no robot drives: beyond 1000 m/s, 1000 rad/s and 10^6 s.
+    /// [`GeometryError`] for numbers that are not finite or that no robot drives: beyond 1000 m/s, 1000 rad/s and 10^12 s.
     pub fn push(&mut self, interval: &OdometryInterval) -> Result<(), GeometryError> {
         within("odometry v (m/s)", interval.v_mps, FASTEST, "-1000 to 1000")?;
         within(
@@ -148,7 +148,7 @@ impl Odometer {
             "odometry duration (s)",
             interval.duration_s,
             LONGEST_S,
-            "0 to 1000000",
+            "0 to 1e12",
         )?;
         let sample = OdometrySample {
             t_s: self.dt_s,
