@@ -28,6 +28,7 @@ use crate::particle_set::{ParticleSet, check_length};
 use crate::resampling::Resampler;
 use crate::step::{MapUpdate, Proposal, Rejuvenation, RejuvenationReport};
 use crate::streams::{Purpose, Streams};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 /// The frames in which rejuvenation runs.
@@ -243,6 +244,26 @@ impl<P: Clone + Send + Sync> ParticleFilter<P> {
     /// As [`ParticleSet::reweight`]; the weights are then unchanged.
     pub fn reweight(&mut self, log_increments: &[f64]) -> Result<(), RbpfError> {
         self.set.reweight(log_increments).map(|_| ())
+    }
+
+    /// Resamples between frames so that at most `count` of the present particles live on, each with as many copies as the others
+    /// up to one; the set keeps its size and the weights become equal. O(N).
+    ///
+    /// For moves whose cost is that of distinct particles. The draw is unbiased, as any resampling is; `rng` must not be that
+    /// of another draw of the frame.
+    ///
+    /// # Errors
+    /// As [`Resampler::resample`]. The set and the genealogy are then unchanged.
+    pub fn thin(&mut self, frame: u64, count: usize, rng: &mut impl Rng) -> Result<(), RbpfError> {
+        let size = self.set.len();
+        let count = count.clamp(1, size);
+        let chosen = self
+            .config
+            .resampler
+            .resample(self.set.log_weights(), count, rng)?;
+        let ancestors: Vec<usize> = (0..size).map(|slot| chosen[slot * count / size]).collect();
+        self.set.select(&ancestors)?;
+        self.genealogy.record(frame, &ancestors)
     }
 
     /// The family of random streams.

@@ -351,6 +351,48 @@ fn mean_and_evidence_agree_with_the_kalman_filter() {
 }
 
 #[test]
+fn thinning_leaves_few_particles_in_equal_numbers_and_no_bias() {
+    let weights = [0.05, 0.1, 0.15, 0.2, 0.25, 0.25_f64];
+    let (trials, count) = (4000_u32, 2);
+    let mut copies = [0.0; 6];
+    for seed in 0..trials {
+        let set = ParticleSet::from_parts(
+            (0..6).collect::<Vec<i32>>(),
+            weights.map(f64::ln).to_vec(),
+            (0..6).collect(),
+        )
+        .unwrap();
+        let mut filter =
+            ParticleFilter::new(set, Streams::new(seed.into()), FilterConfig::default()).unwrap();
+        let mut rng = filter.streams().shared(3, Purpose::Resampling);
+        filter.thin(3, count, &mut rng).unwrap();
+        let left = filter.set().particles();
+        assert_eq!(left.len(), 6);
+        // Two survivors with three copies each, or one that was drawn twice.
+        assert_eq!(left[..3], [left[0]; 3]);
+        assert_eq!(left[3..], [left[3]; 3]);
+        assert!(
+            filter
+                .set()
+                .weights()
+                .iter()
+                .all(|w| (w - 1.0 / 6.0).abs() < 1e-12)
+        );
+        assert!(filter.genealogy().common_ancestor_age(3).is_some() == (left[0] == left[3]));
+        for particle in left {
+            copies[*particle as usize] += 1.0 / (6.0 * f64::from(trials));
+        }
+    }
+    // A share in two draws has a standard deviation below 1/2; four of them over 4000 trials.
+    for (share, weight) in copies.iter().zip(weights) {
+        assert!(
+            (share - weight).abs() < 4.0 * 0.5 / f64::from(trials).sqrt(),
+            "{copies:?}"
+        );
+    }
+}
+
+#[test]
 fn bad_settings_are_refused() {
     for value in [-0.1, 1.1, f64::NAN] {
         let config = FilterConfig {

@@ -209,8 +209,17 @@ pub const FIELDS: &[Field] = &[
         "keyframes",
         0.0,
         50.0,
-        "after so many keyframes the path of the last two times as many is drawn again; 0 never does",
+        "after so many keyframes the recent path is drawn again; 0 never does",
         |c| c.filter.lag.into(),
+    ),
+    field(
+        "filter",
+        "window",
+        "keyframes",
+        2.0,
+        100.0,
+        "length of the path that is drawn again, and at least filter.lag",
+        |c| c.filter.window.into(),
     ),
     Field {
         section: "robot",

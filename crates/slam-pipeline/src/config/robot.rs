@@ -23,6 +23,8 @@ impl Config {
                 config.odometry.sideways_per_sqrt_m = 0.03;
                 config.carrier.turning_centre_sigma_m = 0.5;
                 config.keyframes.min_parallax_px = 4.0;
+                // A street bends a long rigid window by what the calibration is off.
+                config.filter.window = 12;
             }
         }
         config

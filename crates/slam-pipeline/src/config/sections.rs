@@ -46,6 +46,8 @@ pub struct FilterSection {
     pub iterations: u32,
     /// Keyframes between new draws of the recent path; 0 draws none.
     pub lag: u32,
+    /// Keyframes whose path is drawn again.
+    pub window: u32,
 }
 
 /// `[odometry]`
@@ -225,7 +227,8 @@ impl Default for FilterSection {
             resampling_threshold: 0.6,
             evolution_steps: 8,
             iterations: 2,
-            lag: 10,
+            lag: 3,
+            window: 30,
         }
     }
 }

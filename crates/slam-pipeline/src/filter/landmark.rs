@@ -22,6 +22,17 @@ pub(crate) enum Parametrisation {
     Point,
 }
 
+impl Parametrisation {
+    /// Keyframe of the anchor; `None` for a point.
+    #[must_use]
+    pub(crate) fn anchor(self) -> Option<u32> {
+        match self {
+            Self::InverseDepth { anchor } => Some(anchor),
+            Self::Point => None,
+        }
+    }
+}
+
 /// Gaussian estimate of one landmark in one particle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Landmark {
@@ -106,10 +117,7 @@ impl Landmark {
     /// Keyframe of the anchor; `None` for a point.
     #[must_use]
     pub(crate) fn anchor(&self) -> Option<u32> {
-        match self.parametrisation {
-            Parametrisation::InverseDepth { anchor } => Some(anchor),
-            Parametrisation::Point => None,
-        }
+        self.parametrisation.anchor()
     }
 
     /// The ratio sigma_rho / rho of an inverse-depth landmark, which says how open its depth still is; zero for a point.

@@ -2,21 +2,23 @@
 //!
 //! The unknowns are the poses x_1 ... x_L of a window, the constants of the carrier and the landmarks seen in it
 //! ([`super::window_equations`], [`super::window_landmarks`]). The path before the window and the map at its beginning are
-//! those of the particle. Steps are damped (Levenberg-Marquardt); at the end the constants are eliminated. The result
-//! N(mean, (G G^T)^-1) over the stacked pose tangents depends on the state at the beginning and on the measurements alone.
+//! those of the particle. Steps are damped (Levenberg-Marquardt), the landmarks solved again after each
+//! ([`super::window_settling`]); at the end the constants are eliminated. The result, N(mean, (G G^T)^-1) over the stacked
+//! pose tangents and the Gaussian of every landmark given the poses, depends on the state at the beginning and on the
+//! measurements alone; where the adjustment starts does not matter once it has settled.
 
 use std::sync::Arc;
 
 use estimation_base::Manifold;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
-use super::linearised::pose_posterior;
+use super::landmark::{Landmark, Parametrisation};
 use super::motion::CONSTANTS;
 use super::particle::Particle;
-use super::pose::{CameraPose, POSE_DIM};
-use super::segment::{SegmentDriver, WindowStep};
-use super::window_equations::{Unknowns, WindowProblem};
-use super::window_landmarks::tracks;
+use super::pose::{CameraPose, POSE_DIM, PoseStep};
+use super::segment::{SegmentDriver, WindowStep, recent_poses};
+use super::window_equations::{Elimination, Unknowns, WindowProblem};
+use super::window_landmarks::{Track, tracks};
 
 /// Steps tried, accepted or not.
 const STEPS: usize = 8;
@@ -25,16 +27,29 @@ const FIRST_DAMPING: f64 = 1e-3;
 /// The adjustment has settled when a step promises to lower the cost by less than this: a fifth of a standard deviation in
 /// one direction.
 const SETTLED: f64 = 0.02;
-/// Linearisations of the pose in the path that the adjustment starts from.
-const START_LINEARISATIONS: usize = 2;
 
-/// Gaussian over the poses of a window.
+/// Gaussian over the poses of a window and over its landmarks given the poses.
 #[derive(Debug, Clone)]
 pub(crate) struct SegmentGaussian {
     /// Mean of each pose.
     pub(crate) mean: Vec<CameraPose>,
     /// Lower Cholesky factor G of the precision of the stacked tangents.
     pub(crate) precision_factor: DMatrix<f64>,
+    /// The landmarks of the window, by identity.
+    pub(crate) landmarks: Vec<WindowLandmark>,
+}
+
+/// A landmark given the poses: Gaussian with a mean that is affine in the tangents of some of them.
+#[derive(Debug, Clone)]
+pub(crate) struct WindowLandmark {
+    /// Identity.
+    pub(crate) id: u32,
+    parametrisation: Parametrisation,
+    /// Mean at the mean of the poses.
+    mean: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// Derivatives of the mean by the tangents of poses of the window.
+    by_poses: Vec<(usize, SMatrix<f64, 3, POSE_DIM>)>,
 }
 
 impl SegmentGaussian {
@@ -44,67 +59,121 @@ impl SegmentGaussian {
         self.precision_factor.nrows()
     }
 
-    /// The path mean + G^-T `normal`: a draw, if `normal` is one of N(0, I). `None` when the factor is singular.
+    /// The stacked tangents G^-T `normal`: a draw about the mean, if `normal` is one of N(0, I). `None` when the factor is
+    /// singular.
     #[must_use]
-    pub(crate) fn path(&self, normal: &DVector<f64>) -> Option<Vec<CameraPose>> {
+    pub(crate) fn tangents(&self, normal: &DVector<f64>) -> Option<Vec<PoseStep>> {
         let stacked = self.precision_factor.tr_solve_lower_triangular(normal)?;
         Some(
-            self.mean
-                .iter()
-                .enumerate()
-                .map(|(k, mean)| {
-                    mean.retract(&stacked.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned())
-                })
+            (0..self.mean.len())
+                .map(|k| stacked.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned())
                 .collect(),
         )
     }
+
+    /// The path at `tangents`.
+    #[must_use]
+    pub(crate) fn path(&self, tangents: &[PoseStep]) -> Vec<CameraPose> {
+        self.mean
+            .iter()
+            .zip(tangents)
+            .map(|(mean, tangent)| mean.retract(tangent))
+            .collect()
+    }
 }
 
-/// The Gaussian of the path of `steps` that starts in `start`; `None` when the normal equations are singular or the
-/// adjustment does not settle.
+impl WindowLandmark {
+    /// The landmark as the window leaves it, with the prior of its depth.
+    fn new(track: &Track, mean: &Vector3<f64>, part: &Elimination) -> Option<Self> {
+        let (weight, guess) = track.depth;
+        let mut information = part.information;
+        information[(2, 2)] += weight;
+        let mut vector = part.vector;
+        vector.z += weight * (guess - mean.z);
+        let covariance = information.cholesky()?.inverse();
+        Some(Self {
+            id: track.id,
+            parametrisation: track.parametrisation,
+            mean: mean + covariance * vector,
+            covariance,
+            by_poses: part
+                .blocks
+                .iter()
+                .map(|(k, block)| (*k, -covariance * block.transpose()))
+                .collect(),
+        })
+    }
+
+    /// The landmark on the path at `tangents`.
+    #[must_use]
+    pub(crate) fn at(&self, tangents: &[PoseStep]) -> Landmark {
+        Landmark {
+            parametrisation: self.parametrisation,
+            mean: self
+                .by_poses
+                .iter()
+                .fold(self.mean, |mean, (k, by)| mean + by * tangents[*k]),
+            covariance: self.covariance,
+        }
+    }
+}
+
+/// The Gaussian of the path of `steps` that starts in `start`; the adjustment begins on the path of `guess`, which has the same
+/// steps. `None` when the normal equations are singular or the adjustment does not settle.
 ///
 /// Time O(matches x poses a landmark is seen from + (6 L)^3).
 #[must_use]
 pub(crate) fn segment_gaussian(
     driver: &SegmentDriver<'_>,
     start: &Particle,
+    guess: &Particle,
     steps: &[Arc<WindowStep>],
 ) -> Option<SegmentGaussian> {
-    let mut particle = start.clone();
-    let mut poses = Vec::with_capacity(steps.len());
-    for step in steps {
-        driver.step(&mut particle, step, |particle, prior| {
-            let matches = step.observation.prepare(particle);
-            pose_posterior(driver.rig, prior, &matches, START_LINEARISATIONS).mean_pose(prior)
-        });
-        poses.push(particle.pose);
-    }
     let problem = WindowProblem {
         rig: driver.rig,
         start,
         steps,
-        tracks: tracks(start, &particle, steps, driver.depth),
+        tracks: tracks(start, guess, steps, driver.depth),
     };
-    let start = Unknowns {
-        poses,
-        constants: start.metric.constants(),
+    let first = Unknowns {
+        poses: recent_poses(guess, steps.len()),
+        constants: guess.metric.constants(),
         landmarks: problem.tracks.iter().map(|t| t.start).collect(),
     };
-    let (solution, precision) = adjust(&problem, start)?;
+    let Settled {
+        at,
+        precision,
+        eliminated,
+    } = adjust(&problem, first)?;
     let n = POSE_DIM * steps.len();
     let constants = precision.view((n, n), (CONSTANTS, CONSTANTS)).into_owned();
     let cross = precision.view((0, n), (n, CONSTANTS)).into_owned();
     let reduced = precision.view((0, 0), (n, n)).into_owned()
         - &cross * constants.cholesky()?.solve(&cross.transpose());
     Some(SegmentGaussian {
-        mean: solution.poses,
+        landmarks: problem
+            .tracks
+            .iter()
+            .zip(&at.landmarks)
+            .zip(&eliminated)
+            .filter_map(|((track, mean), part)| WindowLandmark::new(track, mean, part.as_ref()?))
+            .collect(),
+        mean: at.poses,
         precision_factor: reduced.cholesky()?.unpack(),
     })
 }
 
-/// Levenberg-Marquardt from `at`: the solution, and the precision of poses and constants there.
-fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<(Unknowns, DMatrix<f64>)> {
+/// A solution, the precision of poses and constants there, and the parts of the landmarks.
+struct Settled {
+    at: Unknowns,
+    precision: DMatrix<f64>,
+    eliminated: Vec<Option<Elimination>>,
+}
+
+/// Levenberg-Marquardt from `at`.
+fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<Settled> {
     let mut damping = 0.0;
+    problem.settle(&mut at);
     let mut normal = problem.normal_equations(&at)?;
     for _ in 0..STEPS {
         let mut damped = normal.precision.clone();
@@ -113,9 +182,14 @@ fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<(Unknowns, DM
         }
         let step = damped.cholesky()?.solve(&normal.vector);
         if damping == 0.0 && 0.5 * step.dot(&normal.vector) < SETTLED {
-            return Some((at, normal.precision));
+            return Some(Settled {
+                at,
+                precision: normal.precision,
+                eliminated: normal.eliminated,
+            });
         }
-        let candidate = at.after(&step, &normal.eliminated);
+        let mut candidate = at.after(&step, &normal.eliminated);
+        problem.settle(&mut candidate);
         match problem.normal_equations(&candidate) {
             Some(next) if next.cost < normal.cost => {
                 (at, normal) = (candidate, next);

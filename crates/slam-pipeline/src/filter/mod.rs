@@ -4,7 +4,7 @@
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
 //! [`proposal`], [`evolution`], [`landmark_moments`], [`landmark_update`], [`mapping`], [`segment`], [`window_landmarks`],
-//! [`window_equations`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`], [`revisit`],
+//! [`window_equations`], [`window_settling`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`], [`revisit`],
 //! [`path_correction`].
 
 pub(crate) mod adaptation;
@@ -33,3 +33,4 @@ pub(crate) mod segment;
 pub(crate) mod tests;
 pub(crate) mod window_equations;
 pub(crate) mod window_landmarks;
+pub(crate) mod window_settling;

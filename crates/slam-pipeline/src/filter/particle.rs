@@ -56,15 +56,6 @@ impl MetricWorld {
     }
 }
 
-/// The earlier states of a particle, from which its recent path may be driven again.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Segment {
-    /// The state at the beginning of the window.
-    pub(crate) older: Option<Arc<Particle>>,
-    /// The state at its middle.
-    pub(crate) newer: Option<Arc<Particle>>,
-}
-
 /// One particle. Cloning shares path and map.
 #[derive(Debug, Clone)]
 pub(crate) struct Particle {
@@ -79,8 +70,8 @@ pub(crate) struct Particle {
     /// Motion prior of the frame being processed; kept for the evolution moves
     /// and for the scale, shared between copies.
     pub(crate) prior: Option<Arc<Drawn>>,
-    /// Its earlier states, from which the recent path may be driven again.
-    pub(crate) segment: Segment,
+    /// Its state at the beginning of the window, from which its recent path may be drawn again.
+    pub(crate) origin: Option<Arc<Particle>>,
 }
 
 /// The distribution from which a pose was drawn.
@@ -103,7 +94,7 @@ impl Particle {
             map: CowMap::new(),
             metric,
             prior: None,
-            segment: Segment::default(),
+            origin: None,
         }
     }
 
@@ -112,14 +103,14 @@ impl Particle {
         self.pose = pose;
         self.metric.place_by_landmarks(body);
         self.prior = None;
-        self.segment = Segment::default();
+        self.origin = None;
     }
 
-    /// The particle as it is, without earlier states of its own.
+    /// The particle as it is, without an origin of its own.
     #[must_use]
     pub(crate) fn snapshot(&self) -> Arc<Self> {
         Arc::new(Self {
-            segment: Segment::default(),
+            origin: None,
             prior: None,
             ..self.clone()
         })

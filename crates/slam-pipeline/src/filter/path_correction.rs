@@ -7,7 +7,7 @@ use estimation_base::wrap;
 use nalgebra::{Matrix3, Vector2};
 use rbpf_core::MappedNodes;
 
-use super::particle::{Keyframe, Particle, Segment};
+use super::particle::{Keyframe, Particle};
 use super::revisit::Correction;
 
 /// The errors of a path that all particles share.
@@ -24,7 +24,7 @@ pub(crate) struct PathCorrection {
 }
 
 impl PathCorrection {
-    /// Moves paths, poses and positions of `particles`. Their earlier states no longer fit and are dropped.
+    /// Moves paths, poses and positions of `particles`. Their origins no longer fit and are dropped.
     pub(crate) fn apply(&self, particles: &mut [Particle]) {
         let mut shared = MappedNodes::new();
         for particle in particles {
@@ -37,7 +37,7 @@ impl PathCorrection {
             particle.pose = last.pose;
             let body = particle.metric_world(self.lever_m).body(&particle.pose);
             particle.metric.place_by_landmarks(&body);
-            particle.segment = Segment::default();
+            particle.origin = None;
             particle.prior = None;
         }
     }

@@ -5,7 +5,7 @@
 //! is drawn again, for every particle, from its distribution given the state of the particle at the beginning of the window
 //! and *all* measurements since: the Gaussian of [`segment_gaussian`]. It is a block Gibbs step. Where model and
 //! measurements are linear and Gaussian it leaves the posterior invariant exactly; elsewhere it is the Laplace
-//! approximation of that step. The map of the particle follows its new path exactly, by driving it again.
+//! approximation of that step. The map of the particle is the Gaussian of the same adjustment, given the new path.
 //!
 //! Particles with the same beginning are then draws of one distribution, so they take the mean of their weights
 //! (Rao-Blackwell): what a weight said about one path of the segment no longer concerns the new one.
@@ -19,30 +19,52 @@ use rayon::prelude::*;
 use rbpf_core::{Purpose, Streams};
 
 use super::local_batch::{SegmentGaussian, segment_gaussian};
-use super::particle::{Particle, Segment};
-use super::segment::{SegmentDriver, WindowStep};
+use super::particle::Particle;
+use super::segment::{SegmentDriver, WindowStep, recent_poses};
 
 /// The outcome of a new draw.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Redrawn {
     /// Increments of the log weights.
     pub(crate) log_increments: Vec<f64>,
-    /// States at the beginning whose local batch did not settle: their particles keep their paths.
+    /// Origins whose local batch did not settle: their particles keep their paths.
     pub(crate) unsettled: usize,
 }
 
 /// The new draw of one keyframe.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PathRedraw<'a> {
-    /// Drives particles along their new paths.
+    /// Drives particles along paths.
     pub(crate) driver: SegmentDriver<'a>,
-    /// The keyframes since the older state of the particles.
+    /// The keyframes since the origins of the particles.
     pub(crate) steps: &'a [Arc<WindowStep>],
-    /// Number of steps from the older state to the newer one; zero while there is no newer one.
-    pub(crate) middle: usize,
 }
 
 impl PathRedraw<'_> {
+    /// Moves the origin of every particle on by `count` steps along its own path. Particles with the same path, which a
+    /// resampling leaves next to one another, share the new one. O(distinct paths x matches).
+    pub(crate) fn advance(&self, particles: &mut [Particle], count: usize) {
+        let mut last: Option<(Arc<Particle>, Vec<_>, Arc<Particle>)> = None;
+        for particle in particles {
+            let Some(origin) = particle.origin.clone() else {
+                continue;
+            };
+            let mut poses = recent_poses(particle, self.steps.len());
+            poses.truncate(count);
+            let moved = match &last {
+                Some((before, path, moved)) if Arc::ptr_eq(before, &origin) && *path == poses => {
+                    moved.clone()
+                }
+                _ => self
+                    .driver
+                    .drive(&origin, &self.steps[..count], &poses)
+                    .snapshot(),
+            };
+            particle.origin = Some(moved.clone());
+            last = Some((origin, poses, moved));
+        }
+    }
+
     /// Draws every path again. Random numbers are those of `frame` and the
     /// slot. A particle whose local batch fails keeps its path, and so do all when the window has seen nothing.
     #[must_use]
@@ -63,7 +85,9 @@ impl PathRedraw<'_> {
         let gaussians: Vec<Option<SegmentGaussian>> = family
             .origins
             .par_iter()
-            .map(|start| segment_gaussian(&self.driver, start, self.steps))
+            .map(|(start, first)| {
+                segment_gaussian(&self.driver, start, &particles[*first], self.steps)
+            })
             .collect();
         particles
             .par_iter_mut()
@@ -77,41 +101,64 @@ impl PathRedraw<'_> {
                 let mut rng = streams.stream(frame, slot as u64, Purpose::PathRedraw);
                 let normal =
                     DVector::from_fn(gaussian.dimension(), |_, _| StandardNormal.sample(&mut rng));
-                let Some(poses) = gaussian.path(&normal) else {
-                    return;
-                };
-                let start = &family.origins[origin];
-                let (driven, newer) = self.driver.drive(start, self.steps, &poses, self.middle);
-                *particle = Particle {
-                    segment: Segment {
-                        older: Some(start.clone()),
-                        newer,
-                    },
-                    ..driven
-                };
+                self.take(particle, &family.origins[origin].0, gaussian, &normal);
             });
         Redrawn {
             log_increments: family.mean_weights(log_weights, |origin| gaussians[origin].is_some()),
             unsettled: gaussians.iter().filter(|g| g.is_none()).count(),
         }
     }
+
+    /// Puts the particle on the path that `normal` draws. Landmarks that took no part in the batch stay as the particle knows
+    /// them, and move with their anchors.
+    fn take(
+        &self,
+        particle: &mut Particle,
+        origin: &Particle,
+        gaussian: &SegmentGaussian,
+        normal: &DVector<f64>,
+    ) {
+        let Some(tangents) = gaussian.tangents(normal) else {
+            return;
+        };
+        let poses = gaussian.path(&tangents);
+        let Some(last) = poses.last() else { return };
+        particle.path = origin.path.clone();
+        for pose in &poses {
+            particle.path.push(self.driver.keyframe(*pose));
+        }
+        particle.pose = *last;
+        particle.prior = None;
+        particle.metric = self.driver.metric(origin, self.steps, &poses);
+        if self.driver.mapping.frozen {
+            return;
+        }
+        for landmark in &gaussian.landmarks {
+            // One that has left the map in the meantime stays away.
+            if particle.map.get(landmark.id).is_some() {
+                particle.map.insert(landmark.id, landmark.at(&tangents));
+            }
+        }
+    }
 }
 
 /// The particles by the state that their windows begin with.
 struct Families {
-    origins: Vec<Arc<Particle>>,
+    /// Each origin, and the slot of a particle that has it.
+    origins: Vec<(Arc<Particle>, usize)>,
     of_slot: Vec<Option<usize>>,
 }
 
 fn families(particles: &[Particle]) -> Families {
-    let mut origins: Vec<Arc<Particle>> = Vec::new();
+    let mut origins: Vec<(Arc<Particle>, usize)> = Vec::new();
     let mut index: BTreeMap<*const Particle, usize> = BTreeMap::new();
     let of_slot = particles
         .iter()
-        .map(|particle| {
-            let older = particle.segment.older.as_ref()?;
-            Some(*index.entry(Arc::as_ptr(older)).or_insert_with(|| {
-                origins.push(older.clone());
+        .enumerate()
+        .map(|(slot, particle)| {
+            let origin = particle.origin.as_ref()?;
+            Some(*index.entry(Arc::as_ptr(origin)).or_insert_with(|| {
+                origins.push((origin.clone(), slot));
                 origins.len() - 1
             }))
         })

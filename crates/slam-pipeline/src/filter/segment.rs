@@ -1,17 +1,18 @@
 //! The recent path of a particle, with all that is needed to drive it again.
 //!
-//! A particle remembers its own state at two earlier keyframes, *older* and *newer*. From the older state and the
-//! observations since ([`WindowStep`]) any other path can be taken: [`SegmentDriver::drive`] gives the particle that would be
-//! here, map and metric state included. Snapshots share their maps with the particle.
+//! A particle remembers its own state at the beginning of the window, its *origin*. From there and the observations since
+//! ([`WindowStep`]) any other path can be taken, map and metric state included ([`SegmentDriver`]). Origins share their maps
+//! with the particle.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::landmark::InverseDepthPrior;
 use super::mapping::Mapping;
-use super::motion::{CarrierModel, MotionPrior};
+use super::metric::MetricState;
+use super::motion::CarrierModel;
 use super::observation::FrameObservation;
-use super::particle::Particle;
+use super::particle::{Keyframe, Particle};
 use super::pose::CameraPose;
 use crate::rig::Rig;
 
@@ -36,40 +37,66 @@ pub(crate) struct SegmentDriver<'a> {
 }
 
 impl SegmentDriver<'_> {
-    /// One keyframe: the particle takes the pose that `choose` gives for its motion prior, and maps from there.
-    pub(crate) fn step(
-        &self,
-        particle: &mut Particle,
-        step: &WindowStep,
-        choose: impl FnOnce(&Particle, &MotionPrior) -> CameraPose,
-    ) {
-        let prior = step.carrier.prior(
-            &self.rig.lever_m(),
-            &particle.departure(),
-            &step.observation.control,
-        );
-        particle.pose = choose(particle, &prior);
-        self.mapping.arrive(particle, &prior, &step.observation);
-    }
-
-    /// The particle that leaves `start` along `poses`, one for each of `steps`, and its state after `middle` steps (`None`
-    /// when that is zero).
+    /// The particle that leaves `start` along `poses`, one for each of `steps`, mapping on its way.
     #[must_use]
     pub(crate) fn drive(
         &self,
         start: &Particle,
         steps: &[Arc<WindowStep>],
         poses: &[CameraPose],
-        middle: usize,
-    ) -> (Particle, Option<Arc<Particle>>) {
+    ) -> Particle {
         let mut particle = start.clone();
-        let mut kept = None;
-        for (k, (step, pose)) in steps.iter().zip(poses).enumerate() {
-            self.step(&mut particle, step, |_, _| *pose);
-            if k + 1 == middle {
-                kept = Some(particle.snapshot());
-            }
+        for (step, pose) in steps.iter().zip(poses) {
+            let prior = step.carrier.prior(
+                &self.rig.lever_m(),
+                &particle.departure(),
+                &step.observation.control,
+            );
+            particle.pose = *pose;
+            self.mapping
+                .arrive(&mut particle, &prior, &step.observation);
         }
-        (particle, kept)
+        particle
     }
+
+    /// The metric state at the end of the same drive.
+    #[must_use]
+    pub(crate) fn metric(
+        &self,
+        start: &Particle,
+        steps: &[Arc<WindowStep>],
+        poses: &[CameraPose],
+    ) -> MetricState {
+        let mut departure = start.departure();
+        let mut metric = start.metric;
+        for (step, pose) in steps.iter().zip(poses) {
+            let prior =
+                step.carrier
+                    .prior(&self.rig.lever_m(), &departure, &step.observation.control);
+            metric = metric.condition_on_pose(&prior, pose);
+            departure.pose = *pose;
+            departure.constants = metric.constants();
+            departure.constants_covariance = metric.constants_covariance();
+        }
+        metric
+    }
+
+    /// The keyframe of a pose.
+    #[must_use]
+    pub(crate) fn keyframe(&self, pose: CameraPose) -> Keyframe {
+        Keyframe {
+            pose,
+            camera: pose.place(self.rig),
+        }
+    }
+}
+
+/// The last `count` poses of a particle's path.
+#[must_use]
+pub(crate) fn recent_poses(particle: &Particle, count: usize) -> Vec<CameraPose> {
+    let length = particle.path.len();
+    (length.saturating_sub(count)..length)
+        .filter_map(|keyframe| particle.path.get(keyframe))
+        .map(|keyframe| keyframe.pose)
+        .collect()
 }

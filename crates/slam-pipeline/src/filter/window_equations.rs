@@ -3,7 +3,6 @@
 //! Factors are the motion prior of every step, the Gaussian of each landmark, and every match that scores, both
 //! coordinates, Huber weighted. Landmarks are eliminated (Schur complement) and follow every step.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use estimation_base::Manifold;
@@ -18,10 +17,8 @@ use super::segment::WindowStep;
 use super::window_landmarks::Track;
 use crate::rig::Rig;
 
-/// Residuals beyond this many standard deviations count linearly.
-const HUBER_SIGMAS: f64 = 2.5;
 /// Cost of a sighting whose landmark the pose cannot see.
-const UNSEEN_COST: f64 = 20.0;
+pub(crate) const UNSEEN_COST: f64 = 20.0;
 /// Variance that keeps a constant which is known exactly out of a division by zero.
 const LEAST_CONSTANT_VARIANCE: f64 = 1e-14;
 
@@ -53,17 +50,21 @@ pub(crate) struct Unknowns {
 
 /// A pose that may be unknown.
 #[derive(Clone, Copy)]
-struct Node {
-    camera: PlacedCamera,
+pub(crate) struct Node {
+    pub(crate) camera: PlacedCamera,
     /// Index of the unknown and the angular velocities (world axes) of heading, roll and pitch.
     unknown: Option<(usize, Matrix3<f64>)>,
 }
 
 /// One landmark's part of the normal equations.
 pub(crate) struct Elimination {
-    blocks: BTreeMap<usize, SMatrix<f64, POSE_DIM, 3>>,
+    /// Products of the derivatives by pose and by landmark, for each pose of the window that it depends on.
+    pub(crate) blocks: Vec<(usize, SMatrix<f64, POSE_DIM, 3>)>,
+    /// Information of the landmark given the poses.
+    pub(crate) information: Matrix3<f64>,
     inverse: Matrix3<f64>,
-    vector: Vector3<f64>,
+    /// Gradient of the landmark.
+    pub(crate) vector: Vector3<f64>,
     cost: f64,
 }
 
@@ -80,7 +81,7 @@ pub(crate) struct NormalEquations {
 }
 
 impl WindowProblem<'_> {
-    fn node(&self, poses: &[CameraPose], keyframe: u32) -> Option<Node> {
+    pub(crate) fn node(&self, poses: &[CameraPose], keyframe: u32) -> Option<Node> {
         let before = self.start.path.len();
         match (keyframe as usize).checked_sub(before) {
             Some(step) => poses.get(step).map(|pose| Node {
@@ -94,6 +95,14 @@ impl WindowProblem<'_> {
         }
     }
 
+    /// The poses of the window, in order.
+    pub(crate) fn nodes(&self, poses: &[CameraPose]) -> Option<Vec<Node>> {
+        let before = self.start.path.len();
+        (before..before + self.steps.len())
+            .map(|keyframe| self.node(poses, keyframe as u32))
+            .collect()
+    }
+
     /// The normal equations at `at`; `None` when the motion has no covariance.
     #[must_use]
     pub(crate) fn normal_equations(&self, at: &Unknowns) -> Option<NormalEquations> {
@@ -101,9 +110,7 @@ impl WindowProblem<'_> {
         let mut precision = DMatrix::zeros(n + CONSTANTS, n + CONSTANTS);
         let mut vector = DVector::zeros(n + CONSTANTS);
         let mut cost = self.add_motion(at, &mut precision, &mut vector)?;
-        let nodes: Vec<Node> = (0..self.steps.len())
-            .map(|k| self.node(&at.poses, (self.start.path.len() + k) as u32))
-            .collect::<Option<_>>()?;
+        let nodes = self.nodes(&at.poses)?;
         let mut eliminated = Vec::with_capacity(self.tracks.len());
         for (track, mean) in self.tracks.iter().zip(&at.landmarks) {
             let part = self.eliminate(at, track, mean, &nodes, &mut precision, &mut vector);
@@ -204,7 +211,7 @@ impl WindowProblem<'_> {
         precision: &mut DMatrix<f64>,
         vector: &mut DVector<f64>,
     ) -> Option<Elimination> {
-        let anchor = match track.anchor {
+        let anchor = match track.parametrisation.anchor() {
             None => None,
             Some(keyframe) => Some(self.node(&at.poses, keyframe)?),
         };
@@ -215,7 +222,8 @@ impl WindowProblem<'_> {
         let ray = geometry.ray(mean);
         let mut information = track.prior_information;
         let mut own = track.prior_vector - track.prior_information * mean;
-        let mut blocks: BTreeMap<usize, SMatrix<f64, POSE_DIM, 3>> = BTreeMap::new();
+        let mut blocks: Vec<(usize, SMatrix<f64, POSE_DIM, 3>)> =
+            Vec::with_capacity(track.sightings.len() + 1);
         let mut cost = mean.dot(&(track.prior_information * mean * 0.5 - track.prior_vector));
         for sighting in &track.sightings {
             let node = &nodes[sighting.step];
@@ -225,13 +233,8 @@ impl WindowProblem<'_> {
             };
             let by_landmark = geometry.parameter_jacobian(pinhole, &node.camera, mean)?;
             let residual = sighting.pixel - predicted;
-            let normalised = residual.norm() / sighting.variance_px2.sqrt();
-            let weight = (HUBER_SIGMAS / normalised).min(1.0) / sighting.variance_px2;
-            cost += if normalised > HUBER_SIGMAS {
-                HUBER_SIGMAS * (normalised - 0.5 * HUBER_SIGMAS)
-            } else {
-                0.5 * normalised * normalised
-            };
+            let (weight, part) = sighting.weigh(residual.norm());
+            cost += part;
             let direction = ray.base + (ray.origin - node.camera.centre) * ray.rate;
             let q = node.camera.camera_from_world * direction;
             let by_direction = SMatrix::<f64, 2, 3>::new(
@@ -270,7 +273,11 @@ impl WindowProblem<'_> {
             information += by_landmark.tr_mul(&by_landmark) * weight;
             own += by_landmark.tr_mul(&residual) * weight;
             for (k, j) in &poses {
-                *blocks.entry(*k).or_insert_with(SMatrix::zeros) += j.tr_mul(&by_landmark) * weight;
+                let product = j.tr_mul(&by_landmark) * weight;
+                match blocks.iter_mut().rev().find(|(known, _)| known == k) {
+                    Some((_, block)) => *block += product,
+                    None => blocks.push((*k, product)),
+                }
                 let mut rows = vector.fixed_rows_mut::<POSE_DIM>(POSE_DIM * k);
                 rows += j.tr_mul(&residual) * weight;
                 for (l, i) in &poses {
@@ -283,6 +290,7 @@ impl WindowProblem<'_> {
         let inverse = information.cholesky()?.inverse();
         Some(Elimination {
             blocks,
+            information,
             inverse,
             vector: own,
             cost,

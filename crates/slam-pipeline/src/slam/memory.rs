@@ -60,8 +60,7 @@ impl Slam {
         };
         for particle in state.filter.set().particles() {
             count(particle);
-            let segment = &particle.segment;
-            for earlier in [&segment.older, &segment.newer].into_iter().flatten() {
+            if let Some(earlier) = &particle.origin {
                 count(earlier);
             }
         }

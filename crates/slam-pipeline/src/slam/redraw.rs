@@ -1,35 +1,36 @@
 //! The new draw of the recent path, when it is due.
 //!
-//! Every `lag` keyframes the path of all particles since their older state, up to twice the lag, is drawn again (see
-//! [`crate::filter::redraw`]). Then the newer state becomes the older one and the present state the newer one. The first
-//! window reaches back to the start, whose depths are only known once there is parallax.
+//! Every `lag` keyframes the path of all particles since their origins, up to `window` keyframes, is drawn again (see
+//! [`crate::filter::redraw`]). The first window reaches back to the start, whose depths are only known once there is parallax.
+//! Later ones begin in at most [`ORIGINS`] different states, drawn in proportion to the weights: each costs a local batch.
 
 use std::sync::Arc;
 
-use rbpf_core::ParticleFilter;
+use rbpf_core::{ParticleFilter, Purpose};
 
 use super::window::Window;
 use super::{FrameReport, Slam, SlamError, filter_error};
 use crate::filter::landmark::InverseDepthPrior;
 use crate::filter::mapping::Mapping;
 use crate::filter::observation::FrameObservation;
-use crate::filter::particle::{Particle, Segment};
+use crate::filter::particle::Particle;
 use crate::filter::redraw::PathRedraw;
 use crate::filter::segment::{SegmentDriver, WindowStep};
 use crate::method::Evolution;
 
 /// The note of a frame whose new draw left some particles as they were.
 const UNSETTLED: &str = "a local batch did not settle: its particles keep their recent path";
+/// States in which a window begins, at most.
+const ORIGINS: usize = 4;
 
 impl Slam {
-    /// The window that begins at the first keyframe.
+    /// The window that begins at this keyframe.
     pub(super) fn window_from_here(&self, filter: &mut ParticleFilter<Particle>) -> Window {
         if self.lag() > 0 {
+            // At the start all particles are the same.
+            let one = (self.state.keyframe == 0).then(|| filter.set().particles()[0].snapshot());
             for particle in filter.particles_mut() {
-                particle.segment = Segment {
-                    older: Some(particle.snapshot()),
-                    newer: None,
-                };
+                particle.origin = Some(one.clone().unwrap_or_else(|| particle.snapshot()));
             }
         }
         Window::default()
@@ -48,25 +49,43 @@ impl Slam {
         if lag == 0 {
             return Ok(Window::default());
         }
+        if filter.set().particles().iter().any(|p| p.origin.is_none()) {
+            return Ok(self.window_from_here(filter));
+        }
         window.steps.push(Arc::new(WindowStep {
             observation: observation.clone(),
             carrier: self.carrier(),
         }));
-        if window.steps.len() < window.middle + lag {
+        window.since += 1;
+        if window.since < lag {
             return Ok(window);
         }
+        window.since = 0;
+        let frame = self.state.frame;
+        let streams = *filter.streams();
+        let driver = SegmentDriver {
+            rig: &self.rig,
+            mapping,
+            depth: InverseDepthPrior::beyond(self.config.mapping.min_depth_m),
+        };
+        if window.behind > 0 || origins(filter.set().particles()) > ORIGINS {
+            let mut rng = streams.shared(frame as u64, Purpose::PathRedraw);
+            filter
+                .thin(frame as u64, ORIGINS, &mut rng)
+                .map_err(|e| filter_error(frame, e))?;
+            let before = PathRedraw {
+                driver,
+                steps: &window.steps,
+            };
+            before.advance(filter.particles_mut(), window.behind);
+            window.steps.drain(..window.behind);
+            window.behind = 0;
+        }
         let redraw = PathRedraw {
-            driver: SegmentDriver {
-                rig: &self.rig,
-                mapping,
-                depth: InverseDepthPrior::beyond(self.config.mapping.min_depth_m),
-            },
+            driver,
             steps: &window.steps,
-            middle: window.middle,
         };
         let log_weights = filter.set().log_weights().to_vec();
-        let streams = *filter.streams();
-        let frame = self.state.frame;
         let redrawn = redraw.apply(filter.particles_mut(), &log_weights, &streams, frame as u64);
         filter
             .reweight(&redrawn.log_increments)
@@ -74,14 +93,9 @@ impl Slam {
         if redrawn.unsettled > 0 {
             report.notes.push(UNSETTLED.to_owned());
         }
-        for particle in filter.particles_mut() {
-            let now = particle.snapshot();
-            if let Some(newer) = particle.segment.newer.replace(now) {
-                particle.segment.older = Some(newer);
-            }
-        }
-        window.steps.drain(..window.middle);
-        window.middle = window.steps.len();
+        let length = window.steps.len();
+        let most = self.config.filter.window as usize;
+        window.behind = (length + lag).saturating_sub(most).min(length);
         Ok(window)
     }
 
@@ -92,4 +106,15 @@ impl Slam {
             Evolution::Printed | Evolution::Off => 0,
         }
     }
+}
+
+/// Number of different origins.
+fn origins(particles: &[Particle]) -> usize {
+    let mut all: Vec<_> = particles
+        .iter()
+        .filter_map(|p| p.origin.as_ref().map(Arc::as_ptr))
+        .collect();
+    all.sort_unstable();
+    all.dedup();
+    all.len()
 }

@@ -89,8 +89,16 @@ fn check(state: &State, fresh: &State) -> Result<(), &'static str> {
         "the path of a particle has all keyframes",
     )?;
     rule(
-        state.window.middle <= state.window.steps.len(),
-        "the middle of the window is in it",
+        state.window.behind <= state.window.steps.len(),
+        "the next window begins within this one",
+    )?;
+    rule(
+        set.particles().iter().all(|p| {
+            p.origin
+                .as_ref()
+                .is_none_or(|o| o.path.len() + state.window.steps.len() == keyframes)
+        }),
+        "a window leads from the origin of a particle to the particle",
     )?;
     rule(
         state.drift.is_whole() && state.drift.limit() == fresh.drift.limit(),
@@ -114,7 +122,7 @@ pub(super) mod particles {
 
     use crate::filter::landmark::Landmark;
     use crate::filter::metric::MetricState;
-    use crate::filter::particle::{Keyframe, Particle, Segment};
+    use crate::filter::particle::{Keyframe, Particle};
     use crate::filter::pose::CameraPose;
 
     #[derive(Serialize, Deserialize)]
@@ -126,8 +134,8 @@ pub(super) mod particles {
         genealogy: Genealogy,
         keyframes: StoredNodes<Keyframe>,
         landmarks: StoredNodes<Landmark>,
-        /// Earlier states of particles, every one once.
-        earlier: Vec<StoredParticle>,
+        /// Origins of particles, every one once.
+        origins_of_windows: Vec<StoredParticle>,
         particles: Vec<StoredParticle>,
     }
 
@@ -137,9 +145,8 @@ pub(super) mod particles {
         path: StoredMap,
         map: StoredMap,
         metric: MetricState,
-        /// Indices among the earlier states.
-        older: Option<u32>,
-        newer: Option<u32>,
+        /// Its number among the origins.
+        origin: Option<u32>,
     }
 
     /// Collects what particles share.
@@ -147,7 +154,7 @@ pub(super) mod particles {
     struct Tables<'a> {
         keyframes: NodeTable<'a, Keyframe>,
         landmarks: NodeTable<'a, Landmark>,
-        earlier: Vec<StoredParticle>,
+        origins: Vec<StoredParticle>,
         numbers: BTreeMap<*const Particle, u32>,
     }
 
@@ -161,26 +168,25 @@ pub(super) mod particles {
                 map,
                 metric,
                 prior: _,
-                segment: Segment { older, newer },
+                origin,
             } = particle;
             StoredParticle {
                 pose: *pose,
                 path: self.keyframes.put_path(path),
                 map: self.landmarks.put(map),
                 metric: *metric,
-                older: older.as_ref().map(|state| self.put_earlier(state)),
-                newer: newer.as_ref().map(|state| self.put_earlier(state)),
+                origin: origin.as_ref().map(|state| self.put_origin(state)),
             }
         }
 
-        /// The number of an earlier state, which has none before it.
-        fn put_earlier(&mut self, state: &'a Arc<Particle>) -> u32 {
+        /// The number of an origin, which has none itself.
+        fn put_origin(&mut self, state: &'a Arc<Particle>) -> u32 {
             if let Some(number) = self.numbers.get(&Arc::as_ptr(state)) {
                 return *number;
             }
             let stored = self.put(state);
-            let number = self.earlier.len() as u32;
-            self.earlier.push(stored);
+            let number = self.origins.len() as u32;
+            self.origins.push(stored);
             self.numbers.insert(Arc::as_ptr(state), number);
             number
         }
@@ -201,7 +207,7 @@ pub(super) mod particles {
             genealogy: filter.genealogy().clone(),
             keyframes: tables.keyframes.into_nodes(),
             landmarks: tables.landmarks.into_nodes(),
-            earlier: tables.earlier,
+            origins_of_windows: tables.origins,
             particles,
         }
         .serialize(serializer)
@@ -216,15 +222,15 @@ pub(super) mod particles {
     fn rebuilt(stored: StoredFilter) -> Result<ParticleFilter<Particle>, RbpfError> {
         let keyframes = stored.keyframes.rebuild()?;
         let landmarks = stored.landmarks.rebuild()?;
-        let mut earlier: Vec<Arc<Particle>> = Vec::new();
-        for state in &stored.earlier {
-            let next = particle(state, &keyframes, &landmarks, &earlier)?;
-            earlier.push(Arc::new(next));
+        let mut origins: Vec<Arc<Particle>> = Vec::new();
+        for state in &stored.origins_of_windows {
+            let next = particle(state, &keyframes, &landmarks, &origins)?;
+            origins.push(Arc::new(next));
         }
         let particles = stored
             .particles
             .iter()
-            .map(|p| particle(p, &keyframes, &landmarks, &earlier))
+            .map(|p| particle(p, &keyframes, &landmarks, &origins))
             .collect::<Result<Vec<_>, _>>()?;
         ParticleFilter::resume(
             ParticleSet::from_parts(particles, stored.log_weights, stored.origins)?,
@@ -238,13 +244,13 @@ pub(super) mod particles {
         stored: &StoredParticle,
         keyframes: &SharedNodes<Keyframe>,
         landmarks: &SharedNodes<Landmark>,
-        earlier: &[Arc<Particle>],
+        origins: &[Arc<Particle>],
     ) -> Result<Particle, RbpfError> {
-        let state = |number: Option<u32>| match number {
-            None => Ok(None),
-            Some(number) => match earlier.get(number as usize) {
-                Some(state) => Ok(Some(state.clone())),
-                None => Err(RbpfError::Stored("earlier states are in the list")),
+        let origin = match stored.origin {
+            None => None,
+            Some(number) => match origins.get(number as usize) {
+                Some(state) => Some(state.clone()),
+                None => return Err(RbpfError::Stored("origins are in the list")),
             },
         };
         Ok(Particle {
@@ -253,10 +259,7 @@ pub(super) mod particles {
             map: landmarks.map(stored.map)?,
             metric: stored.metric,
             prior: None,
-            segment: Segment {
-                older: state(stored.older)?,
-                newer: state(stored.newer)?,
-            },
+            origin,
         })
     }
 }

@@ -5,11 +5,13 @@ use std::sync::Arc;
 
 use crate::filter::segment::WindowStep;
 
-/// The keyframes since the older state of the particles.
+/// The keyframes since the origins of the particles.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Window {
     #[serde(with = "crate::stored::arcs")]
     pub(super) steps: Vec<Arc<WindowStep>>,
-    /// Number of steps from the older state to the newer one; zero without a newer one.
-    pub(super) middle: usize,
+    /// Keyframes since the last new draw.
+    pub(super) since: usize,
+    /// Number of steps by which the origins move on before the next new draw.
+    pub(super) behind: usize,
 }
