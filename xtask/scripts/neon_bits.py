@@ -51,7 +51,7 @@ def main():
     failed = bool(differ)
     if not options.no_tests:
         packages = [word for crate in ["simd-level", *CRATES] for word in ("--package", crate)]
-        tests = subprocess.run(["cargo", "test", "--lib", "--tests", *packages, "--target", TARGET], cwd=ROOT, env=env)
+        tests = subprocess.run(["cargo", "test", "--no-fail-fast", "--lib", "--tests", *packages, "--target", TARGET], cwd=ROOT, env=env)
         failed |= tests.returncode != 0
     sys.exit(failed)
 
