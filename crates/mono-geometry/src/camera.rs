@@ -201,9 +201,9 @@ impl Camera {
     /// may be outside the image: see [`Self::contains`]. O(1).
     #[must_use]
     pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
-        let normalized = normalize(point_in_camera)?;
-        self.sees(&normalized)
-            .then(|| self.distort(&normalized))
+        normalize(point_in_camera)
+            .filter(|normalized| self.sees(normalized))
+            .map(|normalized| self.distort(&normalized))
             .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
     }
 
@@ -231,10 +231,30 @@ impl Camera {
         &self,
         point_in_camera: &Vector3<f64>,
     ) -> Option<(Vector2<f64>, Matrix2x3<f64>, ParameterJacobian)> {
-        let (pixel, by_point) = self.project_with_jacobian(point_in_camera)?;
+        normalize(point_in_camera)
+            .filter(|normalized| self.sees(normalized))
+            .and_then(|_| self.project_unbounded_with_jacobians(point_in_camera))
+    }
+
+    /// [`Self::project`] by the formula of the lens alone, beyond its fold too: a cost that has no steps there, for searches in
+    /// which the lens itself moves.
+    #[cfg(feature = "bundle")]
+    pub(crate) fn project_unbounded(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
+        normalize(point_in_camera)
+            .map(|normalized| self.distort(&normalized))
+            .filter(|pixel| pixel.iter().all(|v| v.is_finite()))
+    }
+
+    /// [`Self::project_with_jacobians`] likewise.
+    pub(crate) fn project_unbounded_with_jacobians(
+        &self,
+        point_in_camera: &Vector3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2x3<f64>, ParameterJacobian)> {
         let normalized = normalize(point_in_camera)?;
         // Not from the pixel: the principal point would cost digits.
-        let distorted = self.distortion.distort(&normalized);
+        let (distorted, lens) = self.distortion.distort_with_jacobian(&normalized);
+        let by_point = lens * normalize_jacobian(&normalized, point_in_camera.z);
+        let (pixel, by_point) = self.pinhole.pixel_with_jacobian(&distorted, by_point)?;
         let mut by_parameters = ParameterJacobian::zeros();
         by_parameters[(0, 0)] = distorted.x;
         by_parameters[(1, 1)] = distorted.y;

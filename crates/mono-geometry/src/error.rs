@@ -157,6 +157,24 @@ pub(crate) fn checked(
     }
 }
 
+/// An entry of a list that cannot be used.
+#[cfg(feature = "bundle")]
+pub(crate) fn bad(
+    list: &'static str,
+    index: usize,
+    name: &'static str,
+    value: f64,
+    required: &'static str,
+) -> GeometryError {
+    GeometryError::InvalidElement {
+        list,
+        index,
+        name,
+        value,
+        required,
+    }
+}
+
 impl From<estimation_base::CholeskyError> for GeometryError {
     fn from(error: estimation_base::CholeskyError) -> Self {
         use estimation_base::CholeskyError;

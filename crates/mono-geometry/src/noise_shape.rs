@@ -33,6 +33,9 @@ pub struct NoiseShape {
 
 /// Least 1 + c . d: a prediction a quarter turn and more away, where only that it is wrong matters.
 const LEAST_DIVISOR: f64 = 0.05;
+/// A covariance this near to the unit matrix is round: a product of two 2x2 matrices and an inverse, in eps.
+#[cfg(feature = "bundle")]
+const ROUNDING: f64 = 1e-12;
 /// Step of the second derivative of a lens, relative to 1 + radius: the cube root of eps.
 const DERIVATIVE_STEP: f64 = 6e-6;
 
@@ -95,6 +98,22 @@ impl NoiseShape {
                 let by_pixel = (map - e * slope.transpose()) / (divisor * sigma_px);
                 (-e / sigma_px, by_pixel * by_parameters)
             }
+        }
+    }
+
+    /// The noise of a pixel y = f(x) to first order, this that of x; `by` is dy/dx. Round where it is round to rounding.
+    #[cfg(feature = "bundle")]
+    pub(crate) fn carried(&self, by: &Matrix2<f64>) -> Self {
+        let Some(inverse) = by.try_inverse() else {
+            return *self;
+        };
+        let map = match &self.bent {
+            None => inverse,
+            Some((map, _)) => map * inverse,
+        };
+        let off = (map.tr_mul(&map) - Matrix2::identity()).amax();
+        Self {
+            bent: (off > ROUNDING).then_some((map, Vector2::zeros())),
         }
     }
 

@@ -5,6 +5,9 @@
 //!
 //! > cov(l) = V^-1 + (V^-1 W^T) S^-1 (W V^-1).
 //!
+//! The parameters of an unknown camera come after the poses and widen them: with X = S^-1 E and Q the covariance of the parameters,
+//! the poses have S^-1 + X Q X^T (`border`).
+//!
 //! With a robust loss the pixels enter with their weights rho', so the covariance is that of least squares with the
 //! far-off pixels down-weighted.
 //!
@@ -15,12 +18,14 @@
 use estimation_base::symmetric;
 use nalgebra::{DMatrix, Matrix3, SMatrix};
 
+use super::border::Border;
 use super::layout::Layout;
 use super::normal::{Estimate, Normal, Whitening};
 use super::pose::BundlePose;
 use super::problem::Problem;
-use super::schur::{InverseRoot, Schur, follow};
-use crate::error::GeometryError;
+use super::schur::{InverseRoot, Marginal, Schur, follow};
+use crate::error::{GeometryError, bad};
+use crate::linalg::DenseCholesky;
 use crate::robust_loss::RobustLoss;
 
 /// The information of a coordinate, all others unknown, must be this many times what rounding leaves of a zero: then its
@@ -34,6 +39,13 @@ pub struct Covariance<const D: usize> {
     joint: DMatrix<f64>,
     w: Vec<SMatrix<f64, D, 3>>,
     roots: Vec<InverseRoot>,
+    /// Covariance of the camera's free parameters, and of the poses with them.
+    camera: DMatrix<f64>,
+    with_camera: DMatrix<f64>,
+    /// F of the normal equations.
+    by_camera: DMatrix<f64>,
+    /// Number of the camera's parameters, free or held.
+    parameters: usize,
 }
 
 /// Covariance of the estimates that the problem holds (take over an adjustment's result first). O((D poses)^3) beyond one
@@ -52,10 +64,19 @@ pub fn covariance<P: BundlePose<D>, const D: usize>(
     let whitening = Whitening::new(problem)?;
     let mut normal = Normal::new(&layout);
     normal.fill(problem, &layout, &whitening, loss, &Estimate::new(problem))?;
-    let (factor, roots, rounding) = Schur::new(&layout).marginal(&layout, &normal)?;
+    let Marginal {
+        factor,
+        border,
+        roots,
+        rounding,
+    } = Schur::new(&layout).marginal(&layout, &normal)?;
     let size = D * layout.free_poses.len();
     let mut joint = DMatrix::identity(size, size);
     factor.solve_in_place(joint.as_mut_slice())?;
+    let camera = camera_covariance(&border, &normal.border)?;
+    // The border holds S^-1 E: the poses follow the camera.
+    let with_camera = -(&border.poses * &camera);
+    joint -= &with_camera * border.poses.transpose();
     // Solving leaves the two triangles apart by rounding.
     let joint = (&joint + joint.transpose()) * 0.5;
     // Rounding adds up over a long chain of poses: the last pivot can pass its own floor and still be nothing else.
@@ -75,6 +96,10 @@ pub fn covariance<P: BundlePose<D>, const D: usize>(
         joint,
         w: normal.w,
         roots,
+        camera,
+        with_camera,
+        by_camera: normal.border.landmarks,
+        parameters: problem.intrinsics.as_ref().map_or(0, |i| i.sigmas.len()),
     })
 }
 
@@ -97,6 +122,19 @@ impl<const D: usize> Covariance<D> {
         })
     }
 
+    /// Covariance of the camera, rows and columns as [`crate::Camera::parameters`]; zero where a parameter is held, and without
+    /// rows if the problem has no [`super::Intrinsics`].
+    #[must_use]
+    pub fn intrinsics(&self) -> DMatrix<f64> {
+        let mut all = DMatrix::zeros(self.parameters, self.parameters);
+        for (i, &row) in self.layout.parameters.iter().enumerate() {
+            for (j, &column) in self.layout.parameters.iter().enumerate() {
+                all[(row, column)] = self.camera[(i, j)];
+            }
+        }
+        all
+    }
+
     /// Joint covariance of the free poses in ascending order, D rows each.
     #[must_use]
     pub fn joint(&self) -> &DMatrix<f64> {
@@ -117,6 +155,19 @@ impl<const D: usize> Covariance<D> {
                 covariance += left.transpose() * block * follow(&self.w[j], root);
             }
         }
+        if !self.layout.parameters.is_empty() {
+            let inverse = root.g * root.g.transpose();
+            let by_camera = inverse * self.by_camera.fixed_rows::<3>(3 * landmark);
+            let spread = &by_camera * &self.camera * by_camera.transpose();
+            covariance += spread.fixed_view::<3, 3>(0, 0);
+            for i in range {
+                let left = follow(&self.w[i], root);
+                let rows = self.with_camera.fixed_rows::<D>(self.layout.links[i] * D);
+                let mixed = left.transpose() * rows * by_camera.transpose();
+                let mixed = mixed.fixed_view::<3, 3>(0, 0);
+                covariance += mixed + mixed.transpose();
+            }
+        }
         Some(symmetric(&covariance))
     }
 
@@ -124,5 +175,33 @@ impl<const D: usize> Covariance<D> {
         self.joint
             .fixed_view::<D, D>(row * D, column * D)
             .into_owned()
+    }
+}
+
+/// The inverse of what is left of the camera's parameters.
+fn camera_covariance(reduced: &Border, full: &Border) -> Result<DMatrix<f64>, GeometryError> {
+    let count = reduced.free.len();
+    // Rounding of the elimination is relative to what was there before.
+    let floor: Vec<f64> = (0..count)
+        .map(|k| ROUNDING_MARGIN * f64::EPSILON * full.corner[(k, k)])
+        .collect();
+    match DenseCholesky::new(reduced.corner.clone(), &floor) {
+        Ok(factor) => Ok(factor.inverse()),
+        Err(GeometryError::NotPositiveDefinite {
+            pivot,
+            value,
+            required,
+        }) => Err(bad(
+            "camera parameter",
+            reduced.free[pivot],
+            "information",
+            value,
+            if required > 0.0 {
+                "more than rounding leaves of a zero (give it a prior)"
+            } else {
+                "above 0 (give it a prior)"
+            },
+        )),
+        Err(other) => Err(other),
     }
 }

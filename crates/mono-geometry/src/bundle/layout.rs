@@ -6,6 +6,7 @@
 
 use nalgebra::Vector2;
 
+use super::intrinsics::Intrinsics;
 use super::pose::BundlePose;
 use super::problem::Problem;
 use crate::noise_shape::NoiseShape;
@@ -19,6 +20,7 @@ pub(super) struct Sighting {
     pub(super) pose: usize,
     /// Index of its link, [`NO_LINK`] for a fixed pose.
     pub(super) link: usize,
+    /// Ideal, or of the real picture if the camera is unknown; likewise the noise.
     pub(super) pixel: Vector2<f64>,
     pub(super) sigma_px: f64,
     pub(super) shape: NoiseShape,
@@ -48,6 +50,8 @@ pub(super) struct Layout {
     pub(super) runs: Vec<Run>,
     /// For each free pose the first that it shares a landmark or an odometry factor with, itself at the latest.
     pub(super) first: Vec<usize>,
+    /// Parameters of the camera that are free, if it is unknown.
+    pub(super) parameters: Vec<usize>,
     /// Where the sightings, links and runs of each landmark begin; one entry more than landmarks.
     pub(super) starts: Vec<Start>,
 }
@@ -78,6 +82,7 @@ impl Layout {
             let o = &problem.observations[i];
             (o.landmark, o.pose)
         });
+        let unknown = problem.unknown_camera();
         let mut layout = Self {
             free_poses,
             free_index,
@@ -85,6 +90,7 @@ impl Layout {
             links: Vec::with_capacity(order.len()),
             runs: Vec::new(),
             first: Vec::new(),
+            parameters: unknown.map_or(Vec::new(), Intrinsics::free),
             starts: Vec::with_capacity(problem.landmarks.len() + 1),
         };
         let mut rest = order.iter().peekable();
@@ -96,12 +102,15 @@ impl Layout {
             {
                 let o = &problem.observations[given];
                 let link = layout.free_index[o.pose].map_or(NO_LINK, |free| layout.link(free));
+                let (pixel, shape) = unknown.map_or((o.pixel_ideal, o.shape), |camera| {
+                    camera.real_pixel(&o.pixel_ideal, &o.shape)
+                });
                 layout.sightings.push(Sighting {
                     pose: o.pose,
                     link,
-                    pixel: o.pixel_ideal,
+                    pixel,
                     sigma_px: o.sigma_px,
-                    shape: o.shape,
+                    shape,
                     given,
                 });
             }

@@ -10,6 +10,8 @@
 //! Steps: [`Problem`] describes it, [`adjust`] minimises by Levenberg-Marquardt with the landmarks eliminated (Schur
 //! complement), [`covariance()`] gives marginal covariances of poses and landmarks. Derivation: page 10 of `docs/math`.
 //!
+//! The camera itself can be unknown too ([`Intrinsics`]): focal lengths, principal point and lens, each with a prior.
+//!
 //! Degenerate: see [`adjust`] for landmarks that are not fixed, [`covariance()`] for the gauge. Long chains of
 //! poses are solved by the envelope of their reduced system (n b^2 operations an iteration for n poses with neighbourhoods of
 //! b); one whose poses see all places again and again is dense, (D poses)^3 / 3 operations. The covariance is dense always.
@@ -41,7 +43,11 @@
 //! # Ok::<(), mono_geometry::GeometryError>(())
 //! ```
 
+mod border;
+#[cfg(test)]
+mod camera_tests;
 mod covariance;
+mod intrinsics;
 mod layout;
 mod normal;
 mod pose;
@@ -53,6 +59,7 @@ mod solve;
 mod tests;
 
 pub use covariance::{Covariance, covariance};
+pub use intrinsics::Intrinsics;
 pub use pose::BundlePose;
 pub use problem::{
     OdometryFactor, PixelObservation, PlanarProblem, PosePrior, Problem, SpatialProblem,

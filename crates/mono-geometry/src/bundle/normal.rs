@@ -11,12 +11,13 @@
 
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
+use super::border::{Border, BorderPixel};
 use super::layout::{Layout, NO_LINK};
 use super::pose::BundlePose;
-use super::problem::{Problem, bad, odometry_error, prior_error};
+use super::problem::{Problem, odometry_error, prior_error};
 use super::reduced::Reduced;
-use crate::camera::Pinhole;
-use crate::error::GeometryError;
+use crate::camera::{Camera, ParameterJacobian, Pinhole};
+use crate::error::{GeometryError, bad};
 use crate::linalg::cholesky;
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
@@ -26,6 +27,8 @@ use crate::se3::Se3;
 pub(super) struct Estimate<P> {
     pub(super) poses: Vec<P>,
     pub(super) landmarks: Vec<Vector3<f64>>,
+    /// The camera, where it is unknown.
+    pub(super) camera: Option<Camera>,
     /// `camera_from_world` of every pose, kept in step.
     cameras: Vec<(Matrix3<f64>, Vector3<f64>)>,
 }
@@ -38,6 +41,7 @@ impl<P: Copy> Estimate<P> {
         let mut estimate = Self {
             poses: problem.poses.clone(),
             landmarks: problem.landmarks.clone(),
+            camera: problem.unknown_camera().map(|i| i.estimate),
             cameras: vec![(Matrix3::zeros(), Vector3::zeros()); problem.poses.len()],
         };
         estimate.place(&problem.body_from_camera);
@@ -135,7 +139,11 @@ pub(super) fn cost<P: BundlePose<D>, const D: usize>(
         for seen in &layout.sightings[range[0].sighting..range[1].sighting] {
             let (rotation, translation) = &estimate.cameras[seen.pose];
             let in_camera = rotation * point + translation;
-            let pixel = project(&problem.pinhole, &in_camera).ok_or(Behind {
+            let pixel = match &estimate.camera {
+                None => project(&problem.pinhole, &in_camera),
+                Some(camera) => camera.project_unbounded(&in_camera),
+            };
+            let pixel = pixel.ok_or(Behind {
                 observation: seen.given,
                 depth_m: in_camera.z,
             })?;
@@ -152,6 +160,9 @@ pub(super) fn cost<P: BundlePose<D>, const D: usize>(
             .0
             .norm_squared();
     }
+    if let (Some(camera), Some(intrinsics)) = (&estimate.camera, problem.unknown_camera()) {
+        twice += intrinsics.prior_cost(camera);
+    }
     Ok(0.5 * twice)
 }
 
@@ -165,6 +176,8 @@ pub(super) struct Normal<const D: usize> {
     pub(super) landmark_gradient: Vec<Vector3<f64>>,
     /// One block a link.
     pub(super) w: Vec<SMatrix<f64, D, 3>>,
+    /// The rows and columns of an unknown camera.
+    pub(super) border: Border,
     /// Diagonal blocks of U from the pixels, and their gradients, by pose.
     pose_blocks: Vec<(SMatrix<f64, D, D>, SVector<f64, D>)>,
 }
@@ -179,6 +192,7 @@ impl<const D: usize> Normal<D> {
             v: vec![Matrix3::zeros(); landmarks],
             landmark_gradient: vec![Vector3::zeros(); landmarks],
             w: vec![SMatrix::zeros(); layout.links.len()],
+            border: Border::new(layout, size),
             pose_blocks: vec![(SMatrix::zeros(), SVector::zeros()); layout.free_index.len()],
         }
     }
@@ -192,7 +206,12 @@ impl<const D: usize> Normal<D> {
         loss: &RobustLoss,
         estimate: &Estimate<P>,
     ) -> Result<(), Behind> {
+        self.border.clear();
         self.fill_pixels(problem, layout, loss, estimate)?;
+        if let (Some(camera), Some(intrinsics)) = (&estimate.camera, problem.unknown_camera()) {
+            let (information, gradient) = intrinsics.prior(camera);
+            self.border.add_prior(&information, &gradient);
+        }
         self.u.clear();
         self.pose_gradient.fill(0.0);
         for (free, &pose) in layout.free_poses.iter().enumerate() {
@@ -247,10 +266,23 @@ impl<const D: usize> Normal<D> {
             for seen in &layout.sightings[range[0].sighting..range[1].sighting] {
                 let (rotation, translation) = &estimate.cameras[seen.pose];
                 let in_camera = rotation * point + translation;
-                let (pixel, by_camera) = linearise(&problem.pinhole, &in_camera).ok_or(Behind {
+                let linear = match &estimate.camera {
+                    None => linearise(&problem.pinhole, &in_camera)
+                        .map(|(pixel, jacobian)| (pixel, jacobian, None)),
+                    Some(camera) => camera
+                        .project_unbounded_with_jacobians(&in_camera)
+                        .map(|(pixel, jacobian, by)| (pixel, jacobian, Some(by))),
+                };
+                let (pixel, by_camera, by_parameters) = linear.ok_or(Behind {
                     observation: seen.given,
                     depth_m: in_camera.z,
                 })?;
+                let whitened = |by: &ParameterJacobian| {
+                    seen.shape
+                        .whitened(&seen.pixel, &pixel, by, seen.sigma_px)
+                        .1
+                };
+                let by_parameters = by_parameters.map(|by| whitened(&by));
                 let (fit, by_camera) =
                     seen.shape
                         .whitened(&seen.pixel, &pixel, &by_camera, seen.sigma_px);
@@ -261,6 +293,14 @@ impl<const D: usize> Normal<D> {
                 let weighted_point = by_point * weight;
                 v += by_point.tr_mul(&weighted_point);
                 gradient += weighted_point.tr_mul(&residual);
+                let gathered = by_parameters.map(|by_parameters| {
+                    let seen = BorderPixel {
+                        residual,
+                        by_parameters,
+                        weight,
+                    };
+                    self.border.add_pixel(landmark, &by_point, &seen)
+                });
                 if seen.link != NO_LINK {
                     let by_body = by_camera * camera_from_body;
                     let in_body = body_from_camera * in_camera + lever;
@@ -272,6 +312,11 @@ impl<const D: usize> Normal<D> {
                         let row = rows[axis];
                         let weighted = row * weight;
                         *pose_gradient += weighted * residual[axis];
+                        if let Some(by_parameters) = &gathered {
+                            let free = layout.links[seen.link];
+                            self.border
+                                .add_pose_row(free, &weighted, by_parameters, axis);
+                        }
                         for column in 0..D {
                             for i in column..D {
                                 hessian[(i, column)] += weighted[i] * row[column];

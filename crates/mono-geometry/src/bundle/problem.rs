@@ -6,9 +6,10 @@
 use estimation_base::Se2;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
+use super::intrinsics::Intrinsics;
 use super::pose::BundlePose;
 use crate::camera::Pinhole;
-use crate::error::GeometryError;
+use crate::error::{GeometryError, bad};
 use crate::linalg::cholesky;
 use crate::motion::Increment;
 use crate::noise_shape::NoiseShape;
@@ -86,6 +87,9 @@ pub struct Problem<P, const D: usize> {
     pub odometry: Vec<OdometryFactor<P, D>>,
     /// Prior knowledge of poses.
     pub priors: Vec<PosePrior<P, D>>,
+    /// The camera as an unknown, shared by all images; `None` where it is known. Its calibrated pinhole is `pinhole`, and the
+    /// ideal pixels are made with it.
+    pub intrinsics: Option<Intrinsics>,
 }
 
 /// A robot on a plane: bodies in SE(2), height, roll and pitch zero, three degrees of freedom a pose.
@@ -107,6 +111,7 @@ impl<P: BundlePose<D>, const D: usize> Problem<P, D> {
             observations: Vec::new(),
             odometry: Vec::new(),
             priors: Vec::new(),
+            intrinsics: None,
         }
     }
 
@@ -170,6 +175,11 @@ impl<P: BundlePose<D>, const D: usize> Problem<P, D> {
         Ok(())
     }
 
+    /// The camera, if it differs from one that is known.
+    pub(super) fn unknown_camera(&self) -> Option<&Intrinsics> {
+        self.intrinsics.as_ref().filter(|i| i.is_unknown())
+    }
+
     fn check_camera(&self) -> Result<(), GeometryError> {
         let p = &self.pinhole;
         let numbers = [
@@ -185,6 +195,9 @@ impl<P: BundlePose<D>, const D: usize> Problem<P, D> {
                 "finite"
             };
             crate::error::checked(name, value, required, |v| !positive || v > 0.0)?;
+        }
+        if let Some(intrinsics) = &self.intrinsics {
+            intrinsics.check(p)?;
         }
         let mount = &self.body_from_camera;
         for value in mount
@@ -290,21 +303,5 @@ fn finite(
         Ok(())
     } else {
         Err(bad(list, index, name, value, "finite"))
-    }
-}
-
-pub(super) fn bad(
-    list: &'static str,
-    index: usize,
-    name: &'static str,
-    value: f64,
-    required: &'static str,
-) -> GeometryError {
-    GeometryError::InvalidElement {
-        list,
-        index,
-        name,
-        value,
-        required,
     }
 }

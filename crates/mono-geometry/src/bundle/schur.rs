@@ -13,8 +13,9 @@
 //!
 //! Source: Brown (1958); Triggs, McLauchlan, Hartley and Fitzgibbon (2000), section 6.1.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{DVector, Matrix3, SMatrix, Vector3};
 
+use super::border::Border;
 use super::layout::Layout;
 use super::normal::Normal;
 use super::reduced::{Factor, Reduced};
@@ -90,6 +91,18 @@ impl InverseRoot {
     }
 }
 
+/// The system of poses and camera, its landmarks eliminated without damping.
+#[derive(Debug)]
+pub(super) struct Marginal {
+    /// Factor of the reduced system.
+    pub(super) factor: Factor,
+    /// Of the camera's parameters, reduced.
+    pub(super) border: Border,
+    pub(super) roots: Vec<InverseRoot>,
+    /// Size of the rounding in each pivot.
+    pub(super) rounding: Vec<f64>,
+}
+
 /// Buffers of the elimination.
 #[derive(Debug)]
 pub(super) struct Schur<const D: usize> {
@@ -99,11 +112,15 @@ pub(super) struct Schur<const D: usize> {
     roots: Vec<InverseRoot>,
     /// Z of one landmark, column by column.
     z: [Vec<f64>; 3],
+    border: Border,
     /// Scale of each coordinate for the damping.
     pub(super) pose_scale: Vec<f64>,
     pub(super) landmark_scale: Vec<Vector3<f64>>,
     pub(super) pose_step: Vec<f64>,
     pub(super) landmark_step: Vec<Vector3<f64>>,
+    /// Likewise of the camera's free parameters.
+    pub(super) camera_scale: DVector<f64>,
+    pub(super) camera_step: DVector<f64>,
 }
 
 impl<const D: usize> Schur<D> {
@@ -121,6 +138,9 @@ impl<const D: usize> Schur<D> {
             no_floor: vec![0.0; size],
             roots: vec![InverseRoot::by_eigenvalues(&Matrix3::zeros()); landmarks],
             z: [column.clone(), column.clone(), column],
+            camera_scale: DVector::zeros(layout.parameters.len()),
+            camera_step: DVector::zeros(layout.parameters.len()),
+            border: Border::new(layout, size),
             pose_scale: vec![0.0; size],
             landmark_scale: vec![Vector3::zeros(); landmarks],
             pose_step: vec![0.0; size],
@@ -140,6 +160,7 @@ impl<const D: usize> Schur<D> {
         for j in 0..size {
             self.pose_scale[j] = normal.u.get(j, j).max(floor);
         }
+        self.camera_scale = normal.border.scale();
         for (scale, v) in self.landmark_scale.iter_mut().zip(&normal.v) {
             let diagonal = v.diagonal();
             let floor = LANDMARK_DAMPING_FLOOR * diagonal.max();
@@ -157,6 +178,8 @@ impl<const D: usize> Schur<D> {
         normal: &Normal<D>,
         damping: f64,
     ) -> Result<(), GeometryError> {
+        self.border
+            .begin(&normal.border, damping, &self.camera_scale);
         self.matrix.copy_from(&normal.u);
         for (j, scale) in self.pose_scale.iter().enumerate() {
             self.matrix.add(j, j, damping * scale);
@@ -169,10 +192,9 @@ impl<const D: usize> Schur<D> {
             }
             let root = InverseRoot::new(&v);
             self.roots[landmark] = root;
-            let rows = self.eliminate(layout, normal, landmark, &root.g);
             let y = root.g.tr_mul(&normal.landmark_gradient[landmark]);
-            let first = layout.starts[landmark].link;
-            for (local, free) in layout.links[first..first + rows / D].iter().enumerate() {
+            let links = self.eliminate(layout, normal, landmark, &root.g, &y);
+            for (local, free) in links.iter().enumerate() {
                 for i in 0..D {
                     let row = local * D + i;
                     self.pose_step[free * D + i] +=
@@ -181,21 +203,26 @@ impl<const D: usize> Schur<D> {
             }
         }
         let factor = self.matrix.factorise(&self.no_floor)?;
-        let solved = factor.solve_in_place(&mut self.pose_step);
+        let solved = factor
+            .solve_in_place(&mut self.pose_step)
+            .and_then(|()| self.border.reduce(&factor, &self.pose_step));
         self.matrix.reuse(factor);
         solved?;
+        self.camera_step = self.border.step(&mut self.pose_step)?;
         self.substitute_back(layout, normal);
         Ok(())
     }
 
-    /// Subtracts W V^+ W^T of one landmark from the reduced system; leaves its Z, and returns how many rows it has.
-    fn eliminate(
+    /// Subtracts W V^+ W^T of one landmark from the reduced system and eliminates it from the border; leaves its Z, D rows
+    /// for each of the free poses that are returned. `y` is G^T g_l.
+    fn eliminate<'a>(
         &mut self,
-        layout: &Layout,
+        layout: &'a Layout,
         normal: &Normal<D>,
         landmark: usize,
         g: &Matrix3<f64>,
-    ) -> usize {
+        y: &Vector3<f64>,
+    ) -> &'a [usize] {
         let (start, end) = (layout.starts[landmark], layout.starts[landmark + 1]);
         for (local, w) in normal.w[start.link..end.link].iter().enumerate() {
             let z = w * g;
@@ -207,12 +234,16 @@ impl<const D: usize> Schur<D> {
         }
         self.matrix
             .subtract(&layout.runs[start.run..end.run], &self.z, D);
-        (end.link - start.link) * D
+        let links = &layout.links[start.link..end.link];
+        self.border
+            .eliminate(&normal.border, landmark, links, (&self.z, D), g, y);
+        links
     }
 
     fn substitute_back(&mut self, layout: &Layout, normal: &Normal<D>) {
         for landmark in 0..normal.v.len() {
-            let mut right = normal.landmark_gradient[landmark];
+            let mut right = normal.landmark_gradient[landmark]
+                + normal.border.of_landmark(landmark, &self.camera_step);
             let links = layout.starts[landmark].link..layout.starts[landmark + 1].link;
             for link in links {
                 let step = &self.pose_step[layout.links[link] * D..][..D];
@@ -238,7 +269,9 @@ impl<const D: usize> Schur<D> {
         mut self,
         layout: &Layout,
         normal: &Normal<D>,
-    ) -> Result<(Factor, Vec<InverseRoot>, Vec<f64>), GeometryError> {
+    ) -> Result<Marginal, GeometryError> {
+        self.border
+            .begin(&normal.border, 0.0, &normal.border.scale());
         self.matrix.copy_from(&normal.u);
         let size = self.matrix.size();
         let mut floor: Vec<f64> = (0..size)
@@ -247,9 +280,8 @@ impl<const D: usize> Schur<D> {
         for landmark in 0..normal.v.len() {
             let root = InverseRoot::new(&normal.v[landmark]);
             self.roots[landmark] = root;
-            let rows = self.eliminate(layout, normal, landmark, &root.g);
-            let first = layout.starts[landmark].link;
-            for (local, free) in layout.links[first..first + rows / D].iter().enumerate() {
+            let links = self.eliminate(layout, normal, landmark, &root.g, &Vector3::zeros());
+            for (local, free) in links.iter().enumerate() {
                 for i in 0..D {
                     let row = local * D + i;
                     let entry = self.z.iter().map(|z| z[row] * z[row]).sum::<f64>();
@@ -261,7 +293,16 @@ impl<const D: usize> Schur<D> {
             *value *= f64::EPSILON;
         }
         match self.matrix.factorise(&floor) {
-            Ok(factor) => Ok((factor, self.roots, floor)),
+            Ok(factor) => {
+                let none = vec![0.0; size];
+                self.border.reduce(&factor, &none)?;
+                Ok(Marginal {
+                    factor,
+                    border: self.border,
+                    roots: self.roots,
+                    rounding: floor,
+                })
+            }
             Err(GeometryError::NotPositiveDefinite {
                 pivot,
                 value,

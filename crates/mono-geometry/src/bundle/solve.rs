@@ -18,6 +18,7 @@ use super::normal::{Estimate, Normal, Whitening, cost};
 use super::pose::BundlePose;
 use super::problem::Problem;
 use super::schur::{InverseRoot, Schur};
+use crate::camera::Camera;
 use crate::error::{GeometryError, checked};
 use crate::least_squares::{self, Control, Iteration, Model, Taken, Termination, Trial, minimise};
 use crate::robust_loss::RobustLoss;
@@ -70,6 +71,8 @@ pub struct Adjustment<P> {
     pub poses: Vec<P>,
     /// Landmarks in the world, metres.
     pub landmarks: Vec<Vector3<f64>>,
+    /// The camera, where [`Problem::intrinsics`] left any of it free.
+    pub camera: Option<Camera>,
     /// Cost of the start: half the sum of rho and of squared whitened errors.
     pub initial_cost: f64,
     /// Cost of the result.
@@ -137,6 +140,7 @@ pub fn adjust<P: BundlePose<D>, const D: usize>(
             .collect(),
         poses: bundle.current.poses,
         landmarks: bundle.current.landmarks,
+        camera: bundle.current.camera,
         initial_cost,
         cost: bundle.cost,
         iterations: bundle.iterations,
@@ -210,7 +214,7 @@ impl<P: BundlePose<D>, const D: usize> least_squares::Problem for Bundle<'_, P, 
     fn evaluate(&mut self, model: &Model) -> Option<Trial> {
         let (layout, schur, problem) = (&self.layout, &self.schur, self.problem);
         self.candidate
-            .step_from(&self.current, layout, schur, 1.0, problem);
+            .step_from(&self.current, layout, schur, 1.0, problem)?;
         self.cost_evaluations += 1;
         let unit_cost = match self.cost_of(&self.candidate) {
             Some(cost) => cost,
@@ -226,10 +230,12 @@ impl<P: BundlePose<D>, const D: usize> least_squares::Problem for Bundle<'_, P, 
         let mut factor = 2.0;
         while cost < self.cost && gain > STRETCH_GAIN && factor <= LONGEST_STRETCH {
             let (layout, schur) = (&self.layout, &self.schur);
-            self.stretched
+            let moved = self
+                .stretched
                 .step_from(&self.current, layout, schur, factor, problem);
             self.cost_evaluations += 1;
-            let Some(lower) = self.cost_of(&self.stretched).filter(|lower| *lower < cost) else {
+            let lower = moved.and_then(|()| self.cost_of(&self.stretched));
+            let Some(lower) = lower.filter(|lower| *lower < cost) else {
                 break;
             };
             cost = lower;
@@ -297,7 +303,7 @@ impl Options {
 }
 
 impl<P: Copy> Estimate<P> {
-    /// This estimate becomes `from` moved by a multiple of the step.
+    /// This estimate becomes `from` moved by a multiple of the step; `None` where no camera has the moved parameters.
     fn step_from<const D: usize>(
         &mut self,
         from: &Self,
@@ -305,9 +311,13 @@ impl<P: Copy> Estimate<P> {
         schur: &Schur<D>,
         factor: f64,
         problem: &Problem<P, D>,
-    ) where
+    ) -> Option<()>
+    where
         P: BundlePose<D>,
     {
+        if let (Some(camera), Some(intrinsics)) = (&from.camera, problem.unknown_camera()) {
+            self.camera = Some(intrinsics.moved(camera, &schur.camera_step, factor)?);
+        }
         for (free, &pose) in layout.free_poses.iter().enumerate() {
             let delta = SVector::<f64, D>::from_column_slice(&schur.pose_step[free * D..][..D]);
             self.poses[pose] = from.poses[pose].retract(&(delta * factor));
@@ -321,6 +331,7 @@ impl<P: Copy> Estimate<P> {
             *to = point + step * factor;
         }
         self.place(&problem.body_from_camera);
+        Some(())
     }
 }
 
@@ -337,6 +348,11 @@ fn model<const D: usize>(normal: &Normal<D>, schur: &Schur<D>, damping: f64) -> 
         let scaled = schur.landmark_scale[l].component_mul(step);
         twice += step.dot(&(scaled * damping - normal.landmark_gradient[l]));
         squared += scaled.dot(step);
+    }
+    for (k, &d) in schur.camera_step.iter().enumerate() {
+        let h = schur.camera_scale[k];
+        twice += d * (damping * h * d - normal.border.gradient[k]);
+        squared += h * d * d;
     }
     Model {
         decrease: 0.5 * twice,
@@ -364,5 +380,11 @@ fn largest_gradient<const D: usize>(normal: &Normal<D>, schur: &Schur<D>) -> f64
                 }
             })
         });
-    poses.chain(landmarks).fold(0.0, f64::max)
+    let camera = normal
+        .border
+        .gradient
+        .iter()
+        .zip(&schur.camera_scale)
+        .map(|(g, h)| g.abs() / h.sqrt());
+    poses.chain(landmarks).chain(camera).fold(0.0, f64::max)
 }

@@ -213,7 +213,7 @@ fn pinhole() -> Pinhole {
 }
 
 /// Three poses (the first fixed) and five landmarks, one of them seen twice from the same pose; nothing at its minimum.
-fn small<P: BundlePose<D>, const D: usize>(poses: [P; 3]) -> Problem<P, D> {
+pub(super) fn small<P: BundlePose<D>, const D: usize>(poses: [P; 3]) -> Problem<P, D> {
     let mount = Se3::new(
         so3::exp(&Vector3::new(-1.5, 0.1, 0.05)),
         Vector3::new(0.05, 0.1, 0.2),
@@ -274,7 +274,7 @@ fn small<P: BundlePose<D>, const D: usize>(poses: [P; 3]) -> Problem<P, D> {
     problem
 }
 
-fn planar() -> Problem<Se2, 3> {
+pub(super) fn planar() -> Problem<Se2, 3> {
     small([
         Se2::new(0.0, 0.0, 3.1),
         Se2::new(-0.2, 0.1, -3.1),
@@ -282,7 +282,7 @@ fn planar() -> Problem<Se2, 3> {
     ])
 }
 
-fn spatial() -> Problem<Se3, 6> {
+pub(super) fn spatial() -> Problem<Se3, 6> {
     let turn = |x, y, z| so3::exp(&Vector3::new(x, y, z));
     small([
         Se3::new(turn(0.1, -0.2, 3.0), Vector3::zeros()),
@@ -292,7 +292,10 @@ fn spatial() -> Problem<Se3, 6> {
 }
 
 /// The Hessian and gradient as one dense system, poses first.
-fn dense<const D: usize>(layout: &Layout, normal: &Normal<D>) -> (DMatrix<f64>, DVector<f64>) {
+pub(super) fn dense<const D: usize>(
+    layout: &Layout,
+    normal: &Normal<D>,
+) -> (DMatrix<f64>, DVector<f64>) {
     let poses = D * layout.free_poses.len();
     let size = poses + 3 * normal.v.len();
     let mut hessian = DMatrix::zeros(size, size);
@@ -366,7 +369,7 @@ fn residuals<P: BundlePose<D>, const D: usize>(
 }
 
 /// Poses and landmarks moved along one coordinate of the dense system.
-fn moved<P: BundlePose<D>, const D: usize>(
+pub(super) fn moved<P: BundlePose<D>, const D: usize>(
     problem: &Problem<P, D>,
     layout: &Layout,
     coordinate: usize,
@@ -385,7 +388,7 @@ fn moved<P: BundlePose<D>, const D: usize>(
     (poses, landmarks)
 }
 
-fn filled<P: BundlePose<D>, const D: usize>(
+pub(super) fn filled<P: BundlePose<D>, const D: usize>(
     problem: &Problem<P, D>,
     loss: RobustLoss,
 ) -> (Layout, Whitening<D>, Normal<D>) {

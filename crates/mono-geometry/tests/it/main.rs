@@ -4,6 +4,8 @@
 mod bundle;
 #[cfg(feature = "bundle")]
 mod bundle_input;
+#[cfg(feature = "bundle")]
+mod bundle_intrinsics;
 mod calibration;
 mod cameras;
 mod common;
