@@ -11,6 +11,7 @@ mod scene;
 mod world;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use mono_geometry::NoiseShape;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use place_recognition::{Candidate, CandidateOptions, PlaceIndex, PointMatch, PoseOptions, poses};
 use scene::{Patterns, seen_again};
@@ -82,6 +83,7 @@ fn locate(criterion: &mut Criterion) {
             seen_from: World::seen_from(c.landmark % ROOMS),
             pixel_ideal: image.pixels[c.keypoint],
             sigma_px: SIGMA_PX,
+            shape: NoiseShape::ROUND,
             quality: c.quality,
         };
         candidates.iter().map(to_match).collect()

@@ -4,7 +4,7 @@
 
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
-use mono_geometry::{Pinhole, Se3, so3};
+use mono_geometry::{NoiseShape, Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector3};
 use place_recognition::{CandidateOptions, PlaceError, PlaceIndex, PointMatch, PoseOptions, poses};
 
@@ -56,6 +56,7 @@ fn main() -> Result<(), PlaceError> {
             seen_from: room(c.landmark),
             pixel_ideal: pixels[c.keypoint],
             sigma_px: 0.5,
+            shape: NoiseShape::ROUND,
             quality: c.quality,
         })
         .collect();

@@ -1,5 +1,6 @@
 //! The input of the pose search: a keypoint and a landmark that it may show.
 
+use mono_geometry::NoiseShape;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A keypoint, a landmark that it may show, and how well either is known.
@@ -21,8 +22,11 @@ pub struct PointMatch {
     pub seen_from: Vector3<f64>,
     /// Where the keypoint is, in ideal (undistorted) pixels.
     pub pixel_ideal: Vector2<f64>,
-    /// Standard deviation of each of its coordinates, pixels, above zero.
+    /// Standard deviation of each of its coordinates, pixels, above zero: of the distorted pixel, if `shape` is that of a lens.
     pub sigma_px: f64,
+    /// The shape of its noise: [`NoiseShape::ROUND`], or what the lens makes of it
+    /// ([`mono_geometry::Camera::undistort_with_shape`]).
+    pub shape: NoiseShape,
     /// How good the match is, 0 to 1 (see [`crate::Candidate::quality`]): better ones are tried first.
     pub quality: f64,
 }

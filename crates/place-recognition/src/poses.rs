@@ -129,7 +129,7 @@ impl PlaceHypothesis {
 /// [`PlaceError::Option`].
 ///
 /// ```
-/// use mono_geometry::Pinhole;
+/// use mono_geometry::{NoiseShape, Pinhole};
 /// use nalgebra::{Matrix3, Vector3};
 /// use place_recognition::{CandidateOptions, PlaceIndex, PointMatch, PoseOptions, poses};
 ///
@@ -160,6 +160,7 @@ impl PlaceHypothesis {
 ///         seen_from: Vector3::zeros(),
 ///         pixel_ideal: pixels[c.keypoint],
 ///         sigma_px: 0.5,
+///         shape: NoiseShape::ROUND,
 ///         quality: c.quality,
 ///     })
 ///     .collect();
@@ -420,10 +421,11 @@ impl Search<'_> {
         let ellipse = std::f64::consts::PI * self.options.threshold;
         let share = |m: &PointMatch| {
             let r = residual(self.pinhole, &camera_from_world, m, f64::INFINITY)?;
-            let at = m.pixel_ideal - r.error;
+            let at = r.projected;
             let inside =
                 (-0.5..=width - 0.5).contains(&at.x) && (-0.5..=height - 0.5).contains(&at.y);
-            let area = r.covariance.determinant().sqrt() * ellipse;
+            let noise = m.shape.covariance(m.sigma_px).determinant();
+            let area = (r.covariance.determinant() * noise).sqrt() * ellipse;
             inside.then(|| (area / (width * height).max(1.0)).min(1.0))
         };
         self.matches.iter().filter_map(share).sum()

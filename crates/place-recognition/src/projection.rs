@@ -1,8 +1,8 @@
 //! How well a pose explains a match, with the uncertainty of the landmark projected into the image.
 //!
-//! Equation: with e the reprojection error, J the 2 x 3 Jacobian of the pixel by the landmark and P its covariance,
-//! S = sigma^2 I + J P J^T, the score of a match is e^T S^-1 e + ln(det S / sigma^4): minus twice the log likelihood, up to
-//! a constant, against that of an exact landmark met exactly.
+//! Equation: with e the reprojection error and J the 2 x 3 Jacobian of the pixel by the landmark, both in units of the pixel's
+//! noise ([`NoiseShape`]: what a lens makes of it), P the covariance of the landmark, S = I + J P J^T, the score of a match is
+//! e^T S^-1 e + ln(det S): minus twice the log likelihood, up to a constant, against that of an exact landmark met exactly.
 //!
 //! The determinant matters. Without it a pose close to badly known landmarks explains every keypoint, because there each of
 //! them could be anywhere. With it a landmark whose projection is known to about ten sigma in both directions is no
@@ -18,26 +18,28 @@ use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
 use crate::point_match::PointMatch;
 
-/// A reprojection error with its covariance.
+/// A reprojection error with its covariance, in units of the noise of the pixel.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Residual {
     /// Pixel seen minus pixel projected.
     pub(crate) error: Vector2<f64>,
-    /// S, squared pixels.
+    /// S.
     pub(crate) covariance: Matrix2<f64>,
-    /// Derivative of the pixel by the point in camera axes.
+    /// Derivative of the projection by the point in camera axes.
     pub(crate) by_camera_point: Matrix2x3<f64>,
+    /// The pixel projected, in ideal pixels.
+    pub(crate) projected: Vector2<f64>,
 }
 
 impl Residual {
-    /// e^T S^-1 e and ln(det S / sigma^4).
-    pub(crate) fn terms(&self, sigma_px: f64) -> (f64, f64) {
+    /// e^T S^-1 e and ln(det S).
+    pub(crate) fn terms(&self) -> (f64, f64) {
         let s = &self.covariance;
         let determinant = s[(0, 0)] * s[(1, 1)] - s[(0, 1)] * s[(0, 1)];
         let e = &self.error;
         let square = (s[(1, 1)] * e.x * e.x - 2.0 * s[(0, 1)] * e.x * e.y + s[(0, 0)] * e.y * e.y)
             / determinant;
-        (square, (determinant / sigma_px.powi(4)).ln().max(0.0))
+        (square, determinant.ln().max(0.0))
     }
 }
 
@@ -58,21 +60,20 @@ pub(crate) fn residual(
     }
     let inverse = 1.0 / p.z;
     let (x, y) = (p.x * inverse, p.y * inverse);
-    let error = Vector2::new(
-        m.pixel_ideal.x - (pinhole.fx * x + pinhole.cx),
-        m.pixel_ideal.y - (pinhole.fy * y + pinhole.cy),
-    );
+    let projected = Vector2::new(pinhole.fx * x + pinhole.cx, pinhole.fy * y + pinhole.cy);
     let (gx, gy) = (pinhole.fx * inverse, pinhole.fy * inverse);
+    let by_camera_point = Matrix2x3::new(gx, 0.0, -gx * x, 0.0, gy, -gy * y);
+    let (error, by_camera_point) =
+        m.shape
+            .whitened(&m.pixel_ideal, &projected, &by_camera_point, m.sigma_px);
     // The largest eigenvalue of J P J^T is at most trace(P) |J|^2.
-    let variance = m.sigma_px * m.sigma_px;
     let spread = m.point_covariance.trace();
-    let largest = variance + spread * (gx * gx * (1.0 + x * x) + gy * gy * (1.0 + y * y));
+    let largest = 1.0 + spread * by_camera_point.norm_squared();
     let within = error.norm_squared() <= most * largest;
     if !within {
         return None;
     }
-    let by_camera_point = Matrix2x3::new(gx, 0.0, -gx * x, 0.0, gy, -gy * y);
-    let mut covariance = Matrix2::new(variance, 0.0, 0.0, variance);
+    let mut covariance = Matrix2::identity();
     if spread > 0.0 {
         let by_point = by_camera_point * rotation;
         covariance += by_point * m.point_covariance * by_point.transpose();
@@ -85,6 +86,7 @@ pub(crate) fn residual(
         error,
         covariance,
         by_camera_point,
+        projected,
     })
 }
 
@@ -96,7 +98,7 @@ pub(crate) fn score(
     threshold: f64,
 ) -> f64 {
     residual(pinhole, camera_from_world, m, threshold).map_or(f64::INFINITY, |r| {
-        let (square, spread) = r.terms(m.sigma_px);
+        let (square, spread) = r.terms();
         square + spread
     })
 }
@@ -109,7 +111,7 @@ pub(crate) fn square(
     threshold: f64,
 ) -> f64 {
     residual(pinhole, camera_from_world, m, threshold)
-        .map(|r| r.terms(m.sigma_px))
+        .map(|r| r.terms())
         .filter(|(_, spread)| *spread <= threshold)
         .map_or(f64::INFINITY, |(square, _)| square)
 }

@@ -1,6 +1,6 @@
 //! Input that no camera gives: nothing panics, whatever comes.
 
-use mono_geometry::Pinhole;
+use mono_geometry::{NoiseShape, Pinhole};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use place_recognition::{
     CandidateOptions, PlaceError, PlaceIndex, PointMatch, PoseOptions, SamePlaceOptions, View,
@@ -33,6 +33,7 @@ fn any_match() -> impl Strategy<Value = PointMatch> {
             seen_from,
             pixel_ideal: Vector2::new(u, v),
             sigma_px: sigma,
+            shape: NoiseShape::ROUND,
             quality,
         },
     )

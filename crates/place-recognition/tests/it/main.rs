@@ -3,6 +3,7 @@
 mod corridor;
 mod degenerate;
 mod index;
+mod lens;
 mod localise;
 mod posters;
 

@@ -1,6 +1,6 @@
 //! Two equal posters in different rooms: two answers, both right.
 
-use mono_geometry::Se3;
+use mono_geometry::{NoiseShape, Se3};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use place_recognition::{CandidateOptions, PlaceIndex, PointMatch, PoseOptions, poses};
 use rand::RngExt;
@@ -67,6 +67,7 @@ fn two_equal_posters_give_two_hypotheses() {
                     seen_from,
                     pixel_ideal: pixels[c.keypoint],
                     sigma_px: 0.5,
+                    shape: NoiseShape::ROUND,
                     quality: c.quality,
                 }
             })

@@ -1,6 +1,6 @@
 //! A simulated map: rooms in a row, landmarks on their walls, and a camera in one of them.
 
-use mono_geometry::{Pinhole, Se3, so3};
+use mono_geometry::{NoiseShape, Pinhole, Se3, so3};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use place_recognition::PointMatch;
 use rand::{RngExt, SeedableRng};
@@ -108,6 +108,7 @@ impl World {
             seen_from: Self::seen_from(room),
             pixel_ideal: pixel + noise,
             sigma_px: SIGMA_PX,
+            shape: NoiseShape::ROUND,
             quality: self.rng.random_range(0.2..1.0),
         }
     }
@@ -123,6 +124,7 @@ impl World {
             seen_from: Self::seen_from(room),
             pixel_ideal: self.pixel(),
             sigma_px: SIGMA_PX,
+            shape: NoiseShape::ROUND,
             quality: self.rng.random_range(0.0..0.4),
         }
     }

@@ -11,6 +11,7 @@ use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::rig::Rig;
+use nalgebra::Matrix2;
 
 /// Judges the pairs of landmark (its place in view) and keypoint by a robust pose posterior of all of them.
 #[must_use]
@@ -60,11 +61,14 @@ pub(crate) fn consensus<'a>(
             .collect();
         posterior = pose_posterior(rig, prior, &used, params.iterations);
         let linearisation = PoseLinearisation::new(rig, prior, &posterior);
-        for ((_, prepared), keep) in candidates.iter().zip(&mut keep) {
+        for ((pair, prepared), keep) in candidates.iter().zip(&mut keep) {
             *keep = linearisation.linearise(prepared).is_some_and(|line| {
-                params
-                    .gate
-                    .admits(&(prepared.pixel - line.mean), &line.innovation())
+                // The filter knows the noise by its area, the gate by its shape.
+                let by_shape = frame.shape[pair.keypoint].covariance(params.sigma_px)
+                    - Matrix2::from_diagonal_element(prepared.variance_px2);
+                let innovation = line.innovation() + by_shape;
+                let error = prepared.pixel - line.mean;
+                params.gate.admits(&error, &innovation)
             });
         }
     }
@@ -101,7 +105,9 @@ fn scoring(
         .geometry
         .parameter_jacobian(rig.pinhole(), &camera, &prepared.mean)
     {
-        Some(j) if j.column(2).norm() * sigma_rho > params.sigma_px => Scoring::AcrossEpipolar,
+        Some(j) if j.column(2).norm() * sigma_rho > prepared.variance_px2.sqrt() => {
+            Scoring::AcrossEpipolar
+        }
         _ => Scoring::Full,
     }
 }

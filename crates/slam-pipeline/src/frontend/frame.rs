@@ -1,7 +1,7 @@
 //! The keypoints of one frame, undistorted.
 
-use mono_geometry::{Camera, Distortion};
-use nalgebra::{Matrix2, Vector2};
+use mono_geometry::{Camera, NoiseShape};
+use nalgebra::Vector2;
 use vision_sift::Features;
 
 use super::nearby::Nearby;
@@ -13,7 +13,9 @@ pub(crate) struct FrameFeatures<'a> {
     pub(crate) features: &'a Features,
     /// Ideal pinhole pixel of each keypoint; `None` outside the lens model.
     pub(crate) ideal: Vec<Option<Vector2<f64>>>,
-    /// Variance of an ideal pixel per variance of the measured one: the lens stretches the noise with the image.
+    /// The noise of an ideal pixel, per standard deviation of the measured one: the lens stretches it with the image.
+    pub(crate) shape: Vec<NoiseShape>,
+    /// Its variance by area: the geometric mean of those of its two axes.
     pub(crate) variance_stretch: Vec<f64>,
     /// The keypoints with an ideal pixel, by place.
     pub(crate) nearby: Nearby,
@@ -23,51 +25,35 @@ impl<'a> FrameFeatures<'a> {
     /// Undistorts the keypoints. O(n log n).
     #[must_use]
     pub(crate) fn new(features: &'a Features, camera: &Camera) -> Self {
-        let ideal: Vec<_> = features
-            .keypoints
+        let undistorted = features.keypoints.iter().map(|k| {
+            camera
+                .undistort_with_shape(&Vector2::new(f64::from(k.x), f64::from(k.y)))
+                .ok()
+        });
+        let (ideal, shape): (Vec<_>, Vec<_>) = undistorted
+            .map(|found| (found.map(|f| f.0), found.map_or(NoiseShape::ROUND, |f| f.1)))
+            .unzip();
+        let variance_stretch = shape
             .iter()
-            .map(|k| {
-                camera
-                    .undistort_pixel(&Vector2::new(f64::from(k.x), f64::from(k.y)))
-                    .ok()
-            })
-            .collect();
-        let variance_stretch = ideal
-            .iter()
-            .map(|p| p.map_or(1.0, |p| variance_stretch(camera, &p)))
+            .map(|shape| shape.covariance(1.0).determinant().sqrt())
             .collect();
         let nearby = Nearby::new(&ideal);
         Self {
             features,
             ideal,
+            shape,
             variance_stretch,
             nearby,
         }
     }
 }
 
-/// The area of ideal pixels that one measured pixel at the ideal pixel `p` becomes: one over the determinant of the lens, by
-/// central differences over a pixel.
-fn variance_stretch(camera: &Camera, p: &Vector2<f64>) -> f64 {
-    if camera.distortion() == &Distortion::None {
-        return 1.0;
-    }
-    let half = 0.5;
-    let along =
-        |step: Vector2<f64>| camera.distort_pixel(&(p + step)) - camera.distort_pixel(&(p - step));
-    let area = Matrix2::from_columns(&[
-        along(Vector2::new(half, 0.0)),
-        along(Vector2::new(0.0, half)),
-    ])
-    .determinant()
-    .abs();
-    if area > 0.0 { 1.0 / area } else { 1.0 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mono_geometry::Pinhole;
+    use mono_geometry::{Distortion, Pinhole};
+    use nalgebra::Matrix2;
+    use vision_sift::Keypoint;
 
     /// Noise of one pixel in a barrel-shaped image spreads as its square of variance does when the image is straightened.
     #[test]
@@ -100,12 +86,25 @@ mod tests {
         let area = Matrix2::from_columns(&[shifted(h, 0.0) / h, shifted(0.0, h) / h])
             .determinant()
             .abs();
-        let stretch = variance_stretch(&camera, &ideal);
-        assert!((stretch / area - 1.0).abs() < 2e-3, "{stretch} {area}");
-        assert!(stretch > 1.5, "the corner is stretched: {stretch}");
-        let centre = variance_stretch(&camera, &Vector2::new(319.5, 239.5));
-        assert!((centre - 1.0).abs() < 1e-4, "{centre}");
+        let features = |at: &Vector2<f64>| Features {
+            keypoints: vec![Keypoint {
+                x: at.x as f32,
+                y: at.y as f32,
+                sigma: 2.0,
+                angle: 0.0,
+                response: 0.1,
+            }],
+            descriptors: vec![[0; 128]],
+        };
+        let stretch = |camera: &Camera, at: &Vector2<f64>| {
+            FrameFeatures::new(&features(at), camera).variance_stretch[0]
+        };
+        let corner = stretch(&camera, &measured);
+        assert!((corner / area - 1.0).abs() < 1e-5, "{corner} {area}");
+        assert!(corner > 1.5, "the corner is stretched: {corner}");
+        let centre = stretch(&camera, &Vector2::new(319.5, 239.5));
+        assert!((centre - 1.0).abs() < 1e-12, "{centre}");
         let plain = Camera::new(pinhole, Distortion::None).unwrap();
-        assert_eq!(variance_stretch(&plain, &ideal), 1.0);
+        assert_eq!(stretch(&plain, &measured), 1.0);
     }
 }

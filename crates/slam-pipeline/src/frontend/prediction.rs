@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::catalogue::{Catalogue, Entry, Stage};
 use super::frustum::Frustum;
+use super::lens_noise::noise_at;
 use crate::filter::landmark::Landmark;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior};
 use crate::filter::motion::MotionPrior;
@@ -99,7 +100,7 @@ impl Predicted<'_> {
 /// Predicts the landmarks and tentative features from `reference` under `prior`; those in view, by id. Landmarks that
 /// cannot be in view are passed over by groups.
 ///
-/// The innovation covariance holds the pose prior, the landmark and a pixel noise of `sigma_px`.
+/// The innovation covariance holds the pose prior, the landmark and a pixel noise of `sigma_px` in the real image.
 #[must_use]
 pub(crate) fn predict<'a>(
     rig: &Rig,
@@ -159,7 +160,7 @@ pub(crate) fn predict<'a>(
             Predicted {
                 entry,
                 pixel: p,
-                covariance: line.innovation(),
+                covariance: line.innovation() + stretched(rig, &p, sigma_px),
                 direction: direction / range,
                 // Both lengths are multiples of the same inverse depth.
                 range_ratio: landmark
@@ -171,4 +172,9 @@ pub(crate) fn predict<'a>(
         ));
     }
     InView { landmarks }
+}
+
+/// The noise of an ideal pixel beyond that of a real one, which the innovation holds already.
+fn stretched(rig: &Rig, pixel_ideal: &Vector2<f64>, sigma_px: f64) -> Matrix2<f64> {
+    (noise_at(&rig.camera, pixel_ideal) - Matrix2::identity()) * (sigma_px * sigma_px)
 }

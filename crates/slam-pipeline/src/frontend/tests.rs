@@ -21,9 +21,9 @@ use vision_sift::{Features, Keypoint};
 
 use crate::filter::tests::common::*;
 
-const SIGMA_PX: f64 = 0.5;
+pub(super) const SIGMA_PX: f64 = 0.5;
 
-fn descriptor(rng: &mut ChaCha8Rng) -> [u8; 128] {
+pub(super) fn descriptor(rng: &mut ChaCha8Rng) -> [u8; 128] {
     core::array::from_fn(|_| rng.random_range(0..120_u8))
 }
 
@@ -51,7 +51,7 @@ fn with_features(descriptors: &[[u8; 128]], keyframe: u32) -> Catalogue {
     catalogue
 }
 
-fn new_features(descriptors: &[[u8; 128]], keyframe: u32) -> CatalogueUpdate {
+pub(super) fn new_features(descriptors: &[[u8; 128]], keyframe: u32) -> CatalogueUpdate {
     CatalogueUpdate {
         new: descriptors
             .iter()
@@ -74,7 +74,7 @@ fn seen(id: u32, descriptor: &[u8; 128], keyframe: u32) -> SeenAgain {
     }
 }
 
-fn promote(ids: &[u32]) -> CatalogueUpdate {
+pub(super) fn promote(ids: &[u32]) -> CatalogueUpdate {
     CatalogueUpdate {
         promoted: ids.to_vec(),
         ..CatalogueUpdate::default()
@@ -232,7 +232,7 @@ struct Scene {
     features: Features,
 }
 
-fn keypoint(at: &Vector2<f64>) -> Keypoint {
+pub(super) fn keypoint(at: &Vector2<f64>) -> Keypoint {
     Keypoint {
         x: at.x as f32,
         y: at.y as f32,

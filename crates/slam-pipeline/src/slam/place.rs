@@ -147,7 +147,8 @@ impl Slam {
                     point_covariance: point.covariance,
                     seen_from: geometry.anchor()?.centre,
                     pixel_ideal: frame.ideal[k]?,
-                    sigma_px: self.association.sigma_px * frame.variance_stretch[k].sqrt(),
+                    sigma_px: self.association.sigma_px,
+                    shape: frame.shape[k],
                     quality: candidate.quality,
                 })
             })
