@@ -135,6 +135,13 @@ impl Slam {
                 &mut report,
                 observer,
             )?)),
+            _ if seen.association.inliers.is_empty() => {
+                let (keyframe_from_body, estimate) = self.driven(&seen);
+                PlannedStep::Between {
+                    keyframe_from_body,
+                    estimate,
+                }
+            }
             _ => {
                 let posterior = &seen.association.posterior;
                 let motion = relative_motion(&seen.reference, &seen.prior, posterior);

@@ -17,6 +17,7 @@ use super::lost::{Hypothesis, Lost};
 use super::place::Place;
 use super::{PoseEstimate, Slam, SlamError, State};
 use crate::filter::linearised::PosePosterior;
+use crate::filter::motion::CarrierModel;
 use crate::filter::particle::Particle;
 use crate::filter::pose::CameraPose;
 use crate::frontend::association::Association;
@@ -167,24 +168,40 @@ impl Slam {
 
     /// The estimate of a lost frame and its motion since the last keyframe, by odometry.
     pub(super) fn dead_reckoned(&self, lost: &Lost, seen: &Seen<'_>) -> (Se2, PoseEstimate) {
-        let posterior = PosePosterior::prior();
-        let motion = relative_motion(&seen.reference, &seen.prior, &posterior);
+        let (motion, mut estimate) = self.driven(seen);
         if let Some(mixture) = mixture(&lost.places) {
             return (motion, mixture);
         }
         if let Some(awake) = lost.awake {
             return (motion, awake);
         }
-        let mut estimate = between_keyframes(
-            &self.state.last,
-            &motion,
-            &posterior.pose_covariance(&seen.prior),
-            seen.reference.metric.scale(),
-        );
         if lost.elsewhere {
             estimate.covariance +=
                 self.carried(lost, &seen.control).covariance - seen.control.covariance;
         }
+        (motion, estimate)
+    }
+
+    /// The motion since the last keyframe that odometry tells, and the estimate there.
+    ///
+    /// Odometry counts metres: the unit of the particle, which is open, is no part of its error.
+    pub(super) fn driven(&self, seen: &Seen<'_>) -> (Se2, PoseEstimate) {
+        let posterior = PosePosterior::prior();
+        let motion = relative_motion(&seen.reference, &seen.prior, &posterior);
+        let mut departure = seen.reference.departure();
+        departure.constants_covariance.row_mut(0).fill(0.0);
+        departure.constants_covariance.column_mut(0).fill(0.0);
+        let carrier = CarrierModel {
+            scale_drift: 0.0,
+            ..self.carrier()
+        };
+        let in_metres = carrier.prior(&self.rig.lever_m(), &departure, &seen.control);
+        let estimate = between_keyframes(
+            &self.state.last,
+            &motion,
+            &posterior.pose_covariance(&in_metres),
+            seen.reference.metric.scale(),
+        );
         (motion, estimate)
     }
 

@@ -9,10 +9,6 @@ use super::{Slam, SlamError, Tracking};
 use crate::frontend::frame::FrameFeatures;
 use crate::odometry::Control;
 
-/// A robot that sees nothing stands while it has moved and turned by less than this since the last keyframe.
-const LEAST_MOVED_M: f64 = 0.02;
-const LEAST_TURNED_RAD: f64 = 0.05;
-
 /// A frame with the state that it is judged from.
 pub(super) struct Standing<'a> {
     pub(super) ground: Ground,
@@ -105,14 +101,9 @@ impl Slam {
             return true;
         }
         let seen = &standing.seen;
-        // A frame that shows nothing at all tells nothing and starts nothing: while the robot stands it is not worth a place
-        // in every path.
-        let control = &seen.control;
-        let stands =
-            control.distance_m < LEAST_MOVED_M && control.increment.phi.abs() < LEAST_TURNED_RAD;
-        let shows_nothing =
-            seen.association.inliers.is_empty() && seen.frame.features.keypoints.is_empty();
-        if stands && shows_nothing {
+        // A frame that shows nothing at all tells nothing and starts nothing: it is not worth a place in every path. The
+        // odometer carries the motion and its noise on to the next frame that shows something.
+        if seen.association.inliers.is_empty() && seen.frame.features.keypoints.is_empty() {
             return false;
         }
         self.keyframes.wants(self.keyframe_cues(

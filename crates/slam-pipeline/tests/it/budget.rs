@@ -185,3 +185,66 @@ fn regress_frames_that_show_nothing_are_no_keyframes() {
         assert!(before == 1 || report.matches > 30, "{}", report.matches);
     }
 }
+
+/// A robot that drives on with its lens covered kept a pose of every frame in every particle, unless it had a map to be lost in.
+///
+/// `MONO_SLAM_CASES` sets the frames of the drive in the dark.
+#[test]
+fn regress_a_drive_in_the_dark_takes_the_memory_of_its_reported_path_alone() {
+    /// Bytes of a keyframe, a pose relative to it and a mark: one entry a frame.
+    const REPORTED: usize = 32;
+    let dark = std::env::var("MONO_SLAM_CASES").map_or(4000, |n| n.parse().unwrap());
+    let drive = Drive::new(9);
+    let nothing = Features::default();
+    for (method, before) in [
+        (Method::Exact, 12),
+        (Method::Exact, 1),
+        (Method::Exact, 0),
+        (Method::Paper, 12),
+        (Method::Conventional, 12),
+        (Method::Conventional, 0),
+    ] {
+        let mut config = (*config(20, 7)).clone();
+        config.filter.method = method;
+        let mut slam = Slam::new(rig(), &config.check().unwrap()).unwrap();
+        for frame in 0..before {
+            slam.step(&drive.input(frame), &mut |_| {}).unwrap();
+        }
+        let mut half = 0;
+        let mut trace = 0.0;
+        for frame in 0..dark {
+            // Circles of a metre, ten centimetres a frame.
+            let odometry = [OdometryInterval {
+                duration_s: 0.2,
+                v_mps: 0.5,
+                omega_radps: 0.5,
+            }];
+            let input = FrameInput {
+                features: &nothing,
+                odometry: &odometry,
+            };
+            let report = slam.step(&input, &mut |_| {}).unwrap();
+            assert!(
+                !report.keyframe || before + frame == 0,
+                "{method:?}: frame {frame}"
+            );
+            // It knows that it knows less and less.
+            let now = report.estimate.covariance.fixed_view::<2, 2>(0, 0).trace();
+            assert!(now.is_finite());
+            if frame + 1 == dark / 2 {
+                half = slam.map_bytes();
+                trace = now;
+            }
+            if frame + 1 == dark {
+                assert!(now > trace, "{method:?}: {trace} {now}");
+            }
+        }
+        let grown = slam.map_bytes() - half;
+        println!(
+            "{method:?} after {before} frames: {} bytes after {dark} dark frames, {half} after half of them",
+            slam.map_bytes()
+        );
+        assert_eq!(grown, REPORTED * (dark - dark / 2), "{method:?}");
+        assert_eq!(slam.smoothed_path().len(), before + dark);
+    }
+}
