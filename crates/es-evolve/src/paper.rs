@@ -39,6 +39,28 @@ use crate::step::{StepFactors, standard_normal};
 /// # Errors
 /// [`EvolveError::EmptyPopulation`], a parameter or factor out of range, a budget below N, or [`EvolveError::LogFitness`];
 /// the population is then what it was.
+///
+/// ```
+/// use es_evolve::{PaperParams, StepFactors, evolve_paper};
+/// use nalgebra::Matrix1;
+/// use rand::SeedableRng;
+/// use rand_chacha::ChaCha8Rng;
+///
+/// let mut population: Vec<f64> = (0..40).map(|i| 0.1 * f64::from(i)).collect();
+/// let log_fitness = |_slot: usize, x: &f64| -0.5 * (x - 3.0).powi(2);
+/// let streams = |phase: usize, slot: usize| {
+///     let mut rng = ChaCha8Rng::seed_from_u64(42);
+///     rng.set_stream((phase as u64) << 32 | slot as u64);
+///     rng
+/// };
+/// let before: f64 = population.iter().map(|x| log_fitness(0, x)).sum();
+/// let factor = Matrix1::new(0.3);
+/// let report =
+///     evolve_paper(&mut population, &log_fitness, StepFactors::Common(&factor), &PaperParams::default(), &streams)?;
+/// let after: f64 = population.iter().map(|x| log_fitness(0, x)).sum();
+/// assert!(after > before && report.evaluations > 40);
+/// # Ok::<(), es_evolve::EvolveError>(())
+/// ```
 pub fn evolve_paper<const D: usize, G, R>(
     population: &mut [G],
     fitness: &(impl Fn(usize, &G) -> f64 + Sync),

@@ -20,6 +20,31 @@ use crate::optimise::{OptimiseParams, OptimiseStop, Optimum, optimise};
 ///
 /// # Errors
 /// As [`optimise`], of any run.
+///
+/// ```
+/// use es_evolve::{OptimiseParams, OptimiseStop, optimise_restarting};
+/// use nalgebra::Vector2;
+/// use rand::{RngExt, SeedableRng};
+/// use rand_chacha::ChaCha8Rng;
+///
+/// let streams = |generation: usize, offspring: usize| {
+///     let mut rng = ChaCha8Rng::seed_from_u64(42);
+///     rng.set_stream((generation as u64) << 32 | offspring as u64);
+///     rng
+/// };
+/// // Rastrigin's function: a hundred local optima, the best at zero.
+/// let wave = |x: f64| x * x + 10.0 * (1.0 - (std::f64::consts::TAU * x).cos());
+/// let log_fitness = |_: usize, x: &Vector2<f64>| -(wave(x[0]) + wave(x[1]));
+/// let start = |run: usize| {
+///     let mut rng = ChaCha8Rng::seed_from_u64(run as u64);
+///     Vector2::from_fn(|_, _| rng.random_range(-5.0..5.0))
+/// };
+/// let params = OptimiseParams { target: -1e-6, max_evaluations: 100_000, ..OptimiseParams::for_dimension(2) };
+/// let found = optimise_restarting(start, &Vector2::new(2.0, 2.0), &log_fitness, &params, &streams)?;
+/// assert!(matches!(found.stop, OptimiseStop::Target { .. }));
+/// assert!(found.best.norm() < 1e-3);
+/// # Ok::<(), es_evolve::EvolveError>(())
+/// ```
 pub fn optimise_restarting<const D: usize, G, R>(
     start: impl Fn(usize) -> G,
     step_sizes: &SVector<f64, D>,

@@ -80,6 +80,22 @@ impl InvertedListsParams {
 /// Deterministic: equal parameters and equal sequences of changes give equal answers, on any number of threads and any
 /// vector instructions. With lists of constant size, a query among n entries costs O(probes + n^(1/3)) scans of a list; a
 /// change costs O(n^(1/3)) of them in the mean and divides at most one list.
+///
+/// ```
+/// use feature_kdtree::{DescriptorIndex, InvertedLists, InvertedListsParams};
+///
+/// let look = |seed: usize| -> [u8; 128] { std::array::from_fn(|i| ((seed * 37 + 1) * (i + 3) * 71 % 251) as u8) };
+/// let mut index = InvertedLists::new(InvertedListsParams::default())?;
+/// for id in 0..200 {
+///     index.insert(id, &look(id as usize))?;
+/// }
+/// assert!(index.list_count() > 1);
+/// let nearest = index.two_nearest(&look(11)).expect("not empty").first;
+/// assert_eq!((nearest.id, nearest.distance_squared), (11, 0));
+/// assert!(index.remove(11));
+/// assert_ne!(index.two_nearest(&look(11)).expect("not empty").first.id, 11);
+/// # Ok::<(), feature_kdtree::IndexError>(())
+/// ```
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InvertedLists {

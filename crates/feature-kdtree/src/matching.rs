@@ -30,6 +30,23 @@ pub struct Match {
 ///
 /// # Errors
 /// [`IndexError::Ratio`] when the ratio is not in 0..=1; [`IndexError::TooMany`] beyond `u32::MAX` queries.
+///
+/// ```
+/// use feature_kdtree::{AutoIndex, DescriptorIndex, match_descriptors};
+///
+/// let look = |seed: usize| -> [u8; 128] { std::array::from_fn(|i| ((seed * 37 + 1) * (i + 3) * 71 % 251) as u8) };
+/// let mut map = AutoIndex::new();
+/// for landmark in 0..50_u32 {
+///     map.insert(landmark, &look(landmark as usize))?;
+/// }
+/// // Landmark 7 seen again with a little noise, and something that is not in the map.
+/// let mut again = look(7);
+/// again[0] ^= 3;
+/// let matches = match_descriptors(&[again, [128; 128]], &map, 0.7)?;
+/// assert_eq!(matches.len(), 1);
+/// assert_eq!((matches[0].query, matches[0].id), (0, 7));
+/// # Ok::<(), feature_kdtree::IndexError>(())
+/// ```
 pub fn match_descriptors(
     queries: &[Descriptor],
     index: &(impl DescriptorIndex + Sync + ?Sized),
@@ -50,6 +67,18 @@ pub fn match_descriptors(
 ///
 /// # Errors
 /// [`IndexError::Ratio`] when the ratio is not in 0..=1; [`IndexError::TooMany`] beyond `u32::MAX` descriptors.
+///
+/// ```
+/// use feature_kdtree::match_mutual;
+///
+/// let look = |seed: usize| -> [u8; 128] { std::array::from_fn(|i| ((seed * 37 + 1) * (i + 3) * 71 % 251) as u8) };
+/// let first: Vec<[u8; 128]> = (0..20).map(look).collect();
+/// // The second frame shows the same from the tenth on, the other way round.
+/// let second: Vec<[u8; 128]> = (10..30).rev().map(look).collect();
+/// let pairs: Vec<(u32, u32)> = match_mutual(&first, &second, 0.7)?.iter().map(|m| (m.query, m.id)).collect();
+/// assert_eq!(pairs, (10..20).map(|i| (i, 29 - i)).collect::<Vec<_>>());
+/// # Ok::<(), feature_kdtree::IndexError>(())
+/// ```
 pub fn match_mutual(
     a: &[Descriptor],
     b: &[Descriptor],

@@ -133,6 +133,18 @@ pub struct NullVector {
 ///
 /// # Errors
 /// As [`svd()`]; [`GeometryError::Shape`] for fewer than two columns.
+///
+/// ```
+/// use mono_geometry::linalg::null_vector;
+/// use nalgebra::DMatrix;
+///
+/// // The line a x + b y + c = 0 through points near y = 2 x + 1.
+/// let points = DMatrix::from_row_slice(4, 3, &[0.0, 1.0, 1.0, 1.0, 3.001, 1.0, 2.0, 4.999, 1.0, 3.0, 7.0, 1.0]);
+/// let line = null_vector(&points)?;
+/// assert!((line.vector[0] / line.vector[1] + 2.0).abs() < 1e-2);
+/// assert!(line.second_smallest > 100.0 * line.smallest);
+/// # Ok::<(), mono_geometry::GeometryError>(())
+/// ```
 pub fn null_vector(matrix: &DMatrix<f64>) -> Result<NullVector, GeometryError> {
     let (rows, columns) = matrix.shape();
     if columns < 2 {

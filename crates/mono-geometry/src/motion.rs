@@ -162,6 +162,22 @@ impl Increment {
 /// # Errors
 /// [`GeometryError::InvalidParameter`] for a speed or rate that is not finite, a duration that is negative or not
 /// finite, noise outside its range, or numbers so large that the result overflows.
+///
+/// ```
+/// use mono_geometry::motion::{ControlNoise, OdometrySample, accumulate};
+///
+/// // Ten centimetres straight on, then a quarter turn to the left on a circle of half a metre.
+/// let turn = std::f64::consts::FRAC_PI_2;
+/// let samples = [
+///     (OdometrySample { t_s: 0.0, v_mps: 0.1, omega_radps: 0.0 }, 1.0),
+///     (OdometrySample { t_s: 1.0, v_mps: 0.5 * turn, omega_radps: turn }, 1.0),
+/// ];
+/// let noise = ControlNoise { forward_per_sqrt_m: 0.02, turn_per_sqrt_rad: 0.03, ..ControlNoise::ZERO };
+/// let motion = accumulate(&samples, &noise)?;
+/// assert!((motion.mean.x - 0.6).abs() < 1e-12 && (motion.mean.y - 0.5).abs() < 1e-12);
+/// assert!((motion.covariance[(2, 2)].sqrt() - 0.03 * turn.sqrt()).abs() < 1e-12);
+/// # Ok::<(), mono_geometry::GeometryError>(())
+/// ```
 pub fn accumulate(
     samples_with_durations: &[(OdometrySample, f64)],
     noise: &ControlNoise,

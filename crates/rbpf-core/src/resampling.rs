@@ -23,6 +23,19 @@ use crate::log_weights::linear_weights;
 use rand::{Rng, RngExt};
 
 /// The resampling schemes. All are unbiased; they differ in the variance of the counts.
+///
+/// ```
+/// use rand::SeedableRng;
+/// use rand_chacha::ChaCha8Rng;
+/// use rbpf_core::Resampler;
+///
+/// // Weights 0.5, 0.25, 0.25 and none: systematic resampling draws them in proportion.
+/// let log_weights = [0.5_f64, 0.25, 0.25, 0.0].map(f64::ln);
+/// let mut rng = ChaCha8Rng::seed_from_u64(1);
+/// let ancestors = Resampler::Systematic.resample(&log_weights, 8, &mut rng)?;
+/// assert_eq!(ancestors, [0, 0, 0, 0, 1, 1, 2, 2]);
+/// # Ok::<(), rbpf_core::RbpfError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Resampler {

@@ -45,6 +45,23 @@ pub struct Update<T, X, const L: usize, const M: usize> {
 ///
 /// # Errors
 /// See [`unscented_correction`].
+///
+/// ```
+/// use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+/// use ukf::unscented_update;
+///
+/// // A point near (3, 4), and its distance from the origin measured as 5.2 +- 0.1.
+/// let (mean, covariance) = (Vector2::new(3.0_f64, 4.0), Matrix2::identity() * 0.25);
+/// let noise = Matrix1::new(0.01);
+/// let updated = unscented_update(&mean, &covariance, &Vector1::new(5.2), &noise, |p| Vector1::new(p.norm()))?;
+/// assert!((updated.mean.norm() - 5.2).abs() < 0.05);
+/// // Along the ray it is known now, across it is not.
+/// let ray = mean.normalize();
+/// let across = Vector2::new(-ray.y, ray.x);
+/// assert!((ray.transpose() * updated.covariance * ray)[0] < 0.02);
+/// assert!((across.transpose() * updated.covariance * across)[0] > 0.2);
+/// # Ok::<(), ukf::UkfError>(())
+/// ```
 pub fn unscented_update<T: Real, const L: usize, const M: usize>(
     mean: &SVector<T, L>,
     covariance: &SMatrix<T, L, L>,

@@ -418,6 +418,22 @@ impl Detector {
 ///
 /// # Errors
 /// As [`Detector::detect`].
+///
+/// ```
+/// use vision_sift::{GrayImage, detect};
+///
+/// // A bright disc of ten pixels on black is found once, in its middle.
+/// let disc = |i: usize| {
+///     let (x, y) = ((i % 96) as f64 - 48.0, (i / 96) as f64 - 40.0);
+///     if x.hypot(y) < 5.0 { 200_u8 } else { 0 }
+/// };
+/// let pixels: Vec<u8> = (0..96 * 80).map(disc).collect();
+/// let features = detect(&GrayImage::new(96, 80, &pixels)?)?;
+/// assert_eq!(features.keypoints.len(), features.descriptors.len());
+/// let near = |k: &&vision_sift::Keypoint| (k.x - 48.0).hypot(k.y - 40.0) < 0.5;
+/// assert!(features.keypoints.iter().find(near).is_some_and(|k| k.sigma > 2.0));
+/// # Ok::<(), vision_sift::SiftError>(())
+/// ```
 pub fn detect<P: Pixel>(image: &GrayImage<'_, P>) -> Result<Features, SiftError> {
     let mut features = Features::default();
     Detector::new(SiftParams::default())?.detect(image, &mut Workspace::new(), &mut features)?;

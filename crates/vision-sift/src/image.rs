@@ -13,6 +13,20 @@ use crate::simd::LANES;
 /// A borrowed image of grey values (`u8` unless said otherwise, see [`Pixel`]), with any distance between its rows.
 ///
 /// Sides are 16 to 32 767 pixels long. The constructor checks this once, so that no later stage can read outside.
+///
+/// ```
+/// use vision_sift::GrayImage;
+///
+/// // A region of a larger picture, without a copy: its rows are 640 pixels apart.
+/// let picture = vec![0_u8; 640 * 480];
+/// let (left, top) = (100, 50);
+/// let region = GrayImage::with_stride(320, 240, 640, &picture[top * 640 + left..])?;
+/// assert_eq!((region.width(), region.height()), (320, 240));
+///
+/// let message = GrayImage::new(640, 480, &picture[1..]).expect_err("a pixel short").to_string();
+/// assert!(message.contains("307199"), "{message}");
+/// # Ok::<(), vision_sift::SiftError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct GrayImage<'a, P = u8> {
     width: usize,

@@ -51,6 +51,34 @@ const MIN_VIEWS: usize = 2;
 /// # Errors
 /// [`CalibrationError`]: a corner that is not finite, fewer than two usable views, fewer equations than unknowns, an option or
 /// an image size out of range.
+///
+/// ```
+/// use mono_geometry::calibration::{CalibrationOptions, CalibrationView, LensModel, calibrate};
+/// use mono_geometry::{Camera, Distortion, Pinhole, Se3, so3};
+/// use nalgebra::{Vector2, Vector3};
+///
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 520.0, fy: 525.0, cx: 322.0, cy: 238.0 };
+/// let truth = Camera::new(pinhole, Distortion::Radtan { k1: -0.1, k2: 0.01, p1: 0.0, p2: 0.0, k3: 0.0 })?;
+/// // The corners of a board of 25 mm, seen from six sides.
+/// let board: Vec<Vector2<f64>> =
+///     (0..54).map(|i| Vector2::new(0.025 * f64::from(i % 9), 0.025 * f64::from(i / 9))).collect();
+/// let views: Vec<CalibrationView> = (0..6)
+///     .map(|view| {
+///         let side = f64::from(view);
+///         let turn = so3::exp(&Vector3::new(0.5 * side.cos(), 0.5 * side.sin(), 0.1 * side));
+///         let camera_from_board = Se3::new(turn, Vector3::new(-0.1 + 0.02 * side, -0.07, 0.35));
+///         let seen = |at: &Vector2<f64>| truth.project(&camera_from_board.transform_point(&at.push(0.0)));
+///         let pixels: Vec<_> = board.iter().map(|at| seen(at).expect("in front")).collect();
+///         CalibrationView::new(&board, &pixels, 0.1)
+///     })
+///     .collect();
+/// let options = CalibrationOptions { model: LensModel::Radtan, ..CalibrationOptions::default() };
+/// let found = calibrate(640, 480, &views, &options)?;
+/// assert!(found.rms_px < 1e-6);
+/// let fx = found.parameter("fx").expect("a parameter");
+/// assert!((fx.value - 520.0).abs() < 1e-3 && fx.sigma < 1.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn calibrate(
     width: usize,
     height: usize,

@@ -95,6 +95,20 @@ pub enum HomographyError {
 ///
 /// # Errors
 /// [`HomographyError`], with the counts or the rank.
+///
+/// ```
+/// use mono_geometry::homography::fit;
+/// use nalgebra::Vector2;
+///
+/// // The corners of a sheet, and where a picture shows them.
+/// let sheet = [(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)].map(|(x, y)| Vector2::new(x, y));
+/// let picture = [(100.0, 80.0), (400.0, 110.0), (390.0, 300.0), (90.0, 320.0)].map(|(u, v)| Vector2::new(u, v));
+/// let found = fit(&sheet, &picture)?;
+/// assert!(found.rms < 1e-9);
+/// let middle = found.homography.map(&Vector2::new(0.15, 0.1)).expect("on the sheet");
+/// assert!(middle.x > 100.0 && middle.x < 390.0);
+/// # Ok::<(), mono_geometry::homography::HomographyError>(())
+/// ```
 pub fn fit(
     source: &[Vector2<f64>],
     target: &[Vector2<f64>],

@@ -9,6 +9,21 @@ use crate::placed_camera::PlacedCamera;
 use crate::so3::hat;
 
 /// A point anchored in a camera.
+///
+/// ```
+/// use mono_geometry::inverse_depth::InverseDepthPoint;
+/// use mono_geometry::{Pinhole, PlacedCamera, Se3, so3};
+/// use nalgebra::Vector3;
+///
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 400.0, fy: 400.0, cx: 320.0, cy: 240.0 };
+/// let camera = |x: f64| PlacedCamera::new(&Se3::new(so3::exp(&Vector3::zeros()), Vector3::new(x, 0.0, 0.0)));
+/// // On the axis of the first camera: two metres away, or at infinity.
+/// let near = InverseDepthPoint::new(&camera(0.0), &Vector3::new(0.0, 0.0, 0.5));
+/// let far = InverseDepthPoint { rho: 0.0, ..near };
+/// let u = |point: &InverseDepthPoint| point.project(&pinhole, &camera(0.1)).expect("in front").x;
+/// assert!((u(&near) - 300.0).abs() < 1e-9);
+/// assert!((u(&far) - 320.0).abs() < 1e-9);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InverseDepthPoint {
     /// The anchor camera.

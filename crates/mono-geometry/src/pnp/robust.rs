@@ -97,6 +97,32 @@ impl Solver for PoseSolver {
 ///
 /// # Errors
 /// [`NoPose`]: unusable input, too few inliers, or inliers that leave a motion free.
+///
+/// ```
+/// use mono_geometry::pnp::{Correspondence, RobustPoseOptions, estimate_pose_ransac};
+/// use mono_geometry::ransac::Uniform;
+/// use mono_geometry::{NoiseShape, Pinhole, Se3, so3};
+/// use nalgebra::{Vector2, Vector3};
+///
+/// let pinhole = Pinhole { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 };
+/// let truth = Se3::new(so3::exp(&Vector3::new(0.05, -0.2, 0.1)), Vector3::new(0.4, -0.1, 0.3));
+/// let matches: Vec<_> = (0..60_u32)
+///     .map(|i| {
+///         let (a, b) = (f64::from(i % 10), f64::from(i / 10));
+///         let point_in_world = Vector3::new(0.3 * a - 1.2, 0.3 * b - 0.8, 4.0 + ((a + 2.0 * b) % 3.0));
+///         let seen = truth.inverse().transform_point(&point_in_world);
+///         // Every third is a wrong match.
+///         let off = if i % 3 == 0 { Vector2::new(40.0 - 9.0 * a, 25.0) } else { Vector2::zeros() };
+///         let pixel_ideal = pinhole.project(&seen).expect("in front") + off;
+///         Correspondence { point_in_world, pixel_ideal, sigma_px: 1.0, shape: NoiseShape::ROUND }
+///     })
+///     .collect();
+/// let found = estimate_pose_ransac(&pinhole, &matches, &mut Uniform::default(), &RobustPoseOptions::default())?;
+/// assert_eq!(found.inliers.len(), 40);
+/// let error = found.estimate.world_from_camera.inverse().compose(&truth).log();
+/// assert!(error.norm() < 1e-6);
+/// # Ok::<(), mono_geometry::pnp::NoPose>(())
+/// ```
 pub fn estimate_pose_ransac<P: Sampler>(
     pinhole: &Pinhole,
     correspondences: &[Correspondence],

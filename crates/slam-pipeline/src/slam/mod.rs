@@ -119,6 +119,28 @@ pub struct FrameInput<'a> {
 /// The SLAM system: a camera on a wheeled robot, its pose and its map.
 ///
 /// Equal inputs, configuration and seed give equal results for any number of threads of the current rayon pool.
+///
+/// ```
+/// use mono_geometry::{Camera, Distortion, Mount, Pinhole};
+/// use slam_pipeline::config::Config;
+/// use slam_pipeline::{FrameInput, OdometryInterval, Rig, Slam};
+/// use vision_sift::Features;
+///
+/// let pinhole = Pinhole { width: 320, height: 240, fx: 368.8, fy: 369.9, cx: 159.7, cy: 121.5 };
+/// let rig = Rig { camera: Camera::new(pinhole, Distortion::None)?, mount: Mount::forward() };
+/// let mut slam = Slam::new(rig, &Config::default().check()?)?;
+/// // A lens that is covered: the robot lives on its odometry, and says how well.
+/// let nothing = Features::default();
+/// let driven = [OdometryInterval { duration_s: 1.0, v_mps: 0.5, omega_radps: 0.0 }];
+/// let mut sigmas_m = Vec::new();
+/// for _ in 0..4 {
+///     let report = slam.step(&FrameInput { features: &nothing, odometry: &driven }, &mut |_| {})?;
+///     sigmas_m.push(report.estimate.covariance[(0, 0)].sqrt());
+/// }
+/// assert!(sigmas_m.is_sorted() && sigmas_m[3] > 0.0);
+/// assert_eq!(slam.smoothed_path().len(), 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Slam {
     rig: Rig,
