@@ -130,6 +130,7 @@ fn sentence(warning: &CalibrationWarning, boards: &[&str]) -> String {
             "{} fits badly: {rms_px:.2} px, the middle view {median_rms_px:.2} px. Motion blur, or another board?",
             name(*view)
         ),
+        other => other.to_string(),
     }
 }
 

@@ -160,6 +160,7 @@ fn json<P: BundlePose<D>, const D: usize>(
         RobustLoss::None => ("none", 0.0),
         RobustLoss::Huber { threshold } => ("huber", threshold),
         RobustLoss::Cauchy { threshold } => ("cauchy", threshold),
+        other => unreachable!("{other:?} is not among the losses of this example"),
     };
     let mut text = String::new();
     let camera = [pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy];

@@ -28,6 +28,7 @@ use crate::error::{GeometryError, checked};
 /// For one normal residual 95 % efficiency is a threshold of 1.345 (Huber) or 2.385 (Cauchy); the length of a
 /// two-dimensional residual wants about half as much again. Cauchy is not convex: its result depends on the start.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub enum RobustLoss {
     /// Plain least squares.
     #[default]

@@ -45,6 +45,7 @@ impl CalibrationView {
 
 /// Which lens to estimate; the pinhole (fx, fy, cx, cy; no skew) is always estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum LensModel {
     /// No distortion.
     Pinhole,

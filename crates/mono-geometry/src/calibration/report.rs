@@ -93,6 +93,7 @@ pub struct ViewReport {
 
 /// Where the intrinsics started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum IntrinsicsStart {
     /// Closed form from the image of the absolute conic.
     ClosedForm,

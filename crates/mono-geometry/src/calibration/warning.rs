@@ -6,6 +6,7 @@ use crate::least_squares::Termination;
 
 /// One doubt, with the measured value and the limit it broke.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CalibrationWarning {
     /// A view was left out.
     #[error("view {view} was left out: {reason}")]
