@@ -61,6 +61,8 @@ impl<'a> StageClock<'a> {
             Some(Stage::Proposal) => self.laps.proposal_ms += ms,
             Some(Stage::Evolution) => self.laps.evolution_ms += ms,
             Some(Stage::Mapping) => self.laps.mapping_ms += ms,
+            // a stage of a later version has no column
+            Some(_) => {}
         }
     }
 }

@@ -68,6 +68,7 @@ use window::Window;
 
 /// Why a frame could not be processed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SlamError {
     /// The particle filter refused a step.
     #[error("frame {frame}: {source}")]

@@ -129,6 +129,7 @@ pub struct MapLandmark {
 
 /// A stage of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stage {
     /// Odometry, undistortion, prediction, matching and consensus.
     Association,
