@@ -3,10 +3,12 @@
 //! ## Where to begin
 //!
 //! [`Problem`] is what was measured and believed, [`solve()`] makes a [`Solution`] of it, and [`Recording`] goes from the reports of
-//! a run to a problem and back. It looks back over the whole drive, so it is no substitute for the filter while driving.
+//! a run to a problem and back. It looks back over the whole drive, so it is no substitute for the filter while driving; [`filter_limit()`] is what a filter could
+//! have known.
 
 mod constants;
 mod error;
+mod filter_limit;
 mod fold;
 mod landmark;
 mod motion;
@@ -20,6 +22,7 @@ mod system;
 
 pub use constants::{Constant, Constants};
 pub use error::BatchError;
+pub use filter_limit::filter_limit;
 pub use nalgebra;
 pub use problem::{Keyframe, Model, Problem, Sighting, Track};
 pub use recording::Recording;

@@ -167,6 +167,26 @@ impl Recording {
         }
     }
 
+    /// The recording as it was before the keyframe after `keyframe`. O(frames + sightings).
+    #[must_use]
+    pub fn until(&self, keyframe: usize) -> Self {
+        let end = self.keyframes.get(keyframe + 1);
+        let known = |sightings: &[Sighting]| -> Vec<Sighting> {
+            let known = sightings.partition_point(|s| s.keyframe <= keyframe);
+            sightings[..known].to_vec()
+        };
+        Self {
+            frames: self.frames[..end.copied().unwrap_or(self.frames.len())].to_vec(),
+            keyframes: self.keyframes.iter().take(keyframe + 1).copied().collect(),
+            tracks: self
+                .tracks
+                .iter()
+                .map(|(landmark, sightings)| (*landmark, known(sightings)))
+                .filter(|(_, sightings)| !sightings.is_empty())
+                .collect(),
+        }
+    }
+
     /// The whole path of a solution of [`Self::problem`], one estimate a frame.
     ///
     /// A frame between keyframes keeps its filtered motion since its keyframe; the difference between the solution's motion

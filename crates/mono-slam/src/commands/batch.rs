@@ -7,7 +7,7 @@ use mono_geometry::Se2;
 use mono_slam::recorded::RecordedRun;
 use mono_slam::smooth::learned_value;
 use serde_json::json;
-use slam_batch::{Constant, Model, Solution, solve};
+use slam_batch::{Constant, Model, Solution, filter_limit, solve};
 use slam_io::configuration::read_configuration;
 use slam_io::{LearnedValue, RunScale, check_output_folder, covariance_csv, tum_text, write_files};
 use slam_pipeline::PoseEstimate;
@@ -32,6 +32,10 @@ pub(crate) struct Arguments {
     /// several times
     #[arg(long, value_name = "NAME=SIGMA", value_parser = prior)]
     prior: Vec<(Constant, f64)>,
+    /// Solve at every keyframe over what was known then as well, and write the last poses as trajectory_limit.tum: a filter with
+    /// these associations can hardly do better. Takes the time of a batch a keyframe
+    #[arg(long)]
+    filter_limit: bool,
     /// Exit with code 3 when the error against the sequence's reference is larger
     #[arg(long, value_name = "METRES", value_parser = metres)]
     max_ate: Option<f64>,
@@ -73,16 +77,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for (constant, sigma) in &arguments.prior {
         model.constants[*constant] = *sigma;
     }
-    let solution = solve(&run.problem(model)).map_err(|e| {
+    let unsolved = |e| {
         Failure::input(format!(
             "{}: no batch solution: {e}",
             arguments.run.display()
         ))
-    })?;
+    };
+    let solution = solve(&run.problem(model.clone())).map_err(unsolved)?;
     let path = run.recording.whole_path(&solution);
+    let limit = if arguments.filter_limit {
+        let start: Vec<Se2> = path.iter().map(|e| e.pose).collect();
+        Some(filter_limit(&run.recording, run.rig, &model, &start).map_err(unsolved)?)
+    } else {
+        None
+    };
     let times: Vec<f64> = run.record.frames.iter().map(|f| f.time_s).collect();
-    let errors = errors_m(&run, &times, &path)?;
-    let files = [
+    let errors = errors_m(&run, &times, limit.as_deref(), &path)?;
+    let mut files = vec![
         (
             "trajectory_batch.tum",
             tum_text(times.iter().copied().zip(path.iter().map(|e| e.pose))).into_bytes(),
@@ -90,6 +101,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ("covariance_batch.csv", covariance_csv(&times, &path)?),
         ("batch.json", as_json(&run, &solution, &errors)?),
     ];
+    if let Some(limit) = &limit {
+        let text = tum_text(times.iter().copied().zip(limit.iter().copied()));
+        files.push(("trajectory_limit.tum", text.into_bytes()));
+    }
     write_files(&arguments.out, &files)?;
     print(&as_text(&run, &solution, &errors))?;
     match errors.last() {
@@ -102,6 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn errors_m(
     run: &RecordedRun,
     times: &[f64],
+    limit: Option<&[Se2]>,
     batch: &[PoseEstimate],
 ) -> Result<Vec<(&'static str, f64)>, Failure> {
     let Some(reference) = &run.record.reference else {
@@ -117,12 +133,15 @@ fn errors_m(
     };
     let filtered = timed(&mut run.record.frames.iter().map(|f| f.report.estimate.pose));
     let batch = timed(&mut batch.iter().map(|e| e.pose));
+    let limit = limit.map(|limit| timed(&mut limit.iter().copied()));
     [
-        ("filtered", &filtered),
-        ("smoothed", &run.record.smoothed),
-        ("batch", &batch),
+        Some(("filtered", &filtered)),
+        Some(("smoothed", &run.record.smoothed)),
+        limit.as_ref().map(|limit| ("limit of a filter", limit)),
+        Some(("batch", &batch)),
     ]
     .into_iter()
+    .flatten()
     .map(|(name, path)| {
         let error = absolute_error(&spatial(path), &reference, alignment)?;
         Ok((name, error.translation_m.rmse))

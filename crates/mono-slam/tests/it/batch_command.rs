@@ -67,8 +67,19 @@ fn a_run_is_solved_again_from_its_folder() {
 
     // The run itself is as it was: its smoothed path is the batch of the default priors.
     let again = scratch.0.join("again");
-    let output = mono_slam(&["batch", run, "--out", again.to_str().unwrap()]);
+    let output = mono_slam(&[
+        "batch",
+        run,
+        "--out",
+        again.to_str().unwrap(),
+        "--filter-limit",
+    ]);
     assert!(output.status.success());
+    let json: serde_json::Value =
+        serde_json::from_slice(&fs::read(again.join("batch.json")).unwrap()).unwrap();
+    let rmse = |name: &str| json["rmse_m"][name].as_f64().unwrap();
+    // The batch may look back, the filter has drawn its particles; both are off the limit, and by little.
+    assert!(rmse("limit of a filter") < 1.2 * rmse("filtered"), "{json}");
     let x = |path: &Path| -> Vec<f64> {
         let text = fs::read_to_string(path).unwrap();
         text.lines()
@@ -77,6 +88,14 @@ fn a_run_is_solved_again_from_its_folder() {
             .collect()
     };
     let smoothed = x(&folder.join("trajectory_smoothed.tum"));
+    // At the end there is nothing to look back from.
+    let (limit, whole) = (
+        x(&again.join("trajectory_limit.tum")),
+        x(&again.join("trajectory_batch.tum")),
+    );
+    assert_eq!(limit.len(), whole.len());
+    assert!((limit.last().unwrap() - whole.last().unwrap()).abs() < 1e-4);
+    assert!(limit.iter().zip(&whole).any(|(a, b)| (a - b).abs() > 1e-4));
     for (a, b) in smoothed.iter().zip(x(&again.join("trajectory_batch.tum"))) {
         assert!((a - b).abs() < 1e-4, "{a} against {b}");
     }
