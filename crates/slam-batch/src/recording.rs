@@ -168,8 +168,7 @@ impl Recording {
     }
 
     /// The recording as it was before the keyframe after `keyframe`. O(frames + sightings).
-    #[must_use]
-    pub fn until(&self, keyframe: usize) -> Self {
+    pub(crate) fn until(&self, keyframe: usize) -> Self {
         let end = self.keyframes.get(keyframe + 1);
         let known = |sightings: &[Sighting]| -> Vec<Sighting> {
             let known = sightings.partition_point(|s| s.keyframe <= keyframe);

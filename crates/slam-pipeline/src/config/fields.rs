@@ -218,7 +218,7 @@ pub const FIELDS: &[Field] = &[
         "keyframes",
         2.0,
         100.0,
-        "length of the path that is drawn again, and at least filter.lag",
+        "length of the recent path that is drawn again; never shorter than filter.lag",
         |c| c.filter.window.into(),
     ),
     Field {

@@ -17,7 +17,7 @@ use super::motion::CONSTANTS;
 use super::particle::Particle;
 use super::pose::{CameraPose, POSE_DIM, PoseStep};
 use super::segment::{SegmentDriver, WindowStep, recent_poses};
-use super::window_equations::{Elimination, Unknowns, WindowProblem};
+use super::window_equations::{Elimination, NormalEquations, Unknowns, WindowProblem};
 use super::window_landmarks::{Track, tracks};
 
 /// Steps tried, accepted or not.
@@ -140,11 +140,8 @@ pub(crate) fn segment_gaussian(
         constants: guess.metric.constants(),
         landmarks: problem.tracks.iter().map(|t| t.start).collect(),
     };
-    let Settled {
-        at,
-        precision,
-        eliminated,
-    } = adjust(&problem, first)?;
+    let (at, normal) = adjust(&problem, first)?;
+    let precision = &normal.precision;
     let n = POSE_DIM * steps.len();
     let constants = precision.view((n, n), (CONSTANTS, CONSTANTS)).into_owned();
     let cross = precision.view((0, n), (n, CONSTANTS)).into_owned();
@@ -155,7 +152,7 @@ pub(crate) fn segment_gaussian(
             .tracks
             .iter()
             .zip(&at.landmarks)
-            .zip(&eliminated)
+            .zip(&normal.eliminated)
             .filter_map(|((track, mean), part)| WindowLandmark::new(track, mean, part.as_ref()?))
             .collect(),
         mean: at.poses,
@@ -163,15 +160,8 @@ pub(crate) fn segment_gaussian(
     })
 }
 
-/// A solution, the precision of poses and constants there, and the parts of the landmarks.
-struct Settled {
-    at: Unknowns,
-    precision: DMatrix<f64>,
-    eliminated: Vec<Option<Elimination>>,
-}
-
-/// Levenberg-Marquardt from `at`.
-fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<Settled> {
+/// Levenberg-Marquardt from `at`: the solution and the normal equations there.
+fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<(Unknowns, NormalEquations)> {
     let mut damping = 0.0;
     problem.settle(&mut at);
     let mut normal = problem.normal_equations(&at)?;
@@ -182,11 +172,7 @@ fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<Settled> {
         }
         let step = damped.cholesky()?.solve(&normal.vector);
         if damping == 0.0 && 0.5 * step.dot(&normal.vector) < SETTLED {
-            return Some(Settled {
-                at,
-                precision: normal.precision,
-                eliminated: normal.eliminated,
-            });
+            return Some((at, normal));
         }
         let mut candidate = at.after(&step, &normal.eliminated);
         problem.settle(&mut candidate);

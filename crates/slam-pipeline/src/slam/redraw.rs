@@ -56,11 +56,12 @@ impl Slam {
             observation: observation.clone(),
             carrier: self.carrier(),
         }));
-        window.since += 1;
-        if window.since < lag {
+        if window.steps.len() < window.drawn + lag {
             return Ok(window);
         }
-        window.since = 0;
+        // Origins move on so that the window keeps its length, over steps that have been drawn once at least.
+        let most = self.config.filter.window as usize;
+        let gone = window.steps.len().saturating_sub(most).min(window.drawn);
         let frame = self.state.frame;
         let streams = *filter.streams();
         let driver = SegmentDriver {
@@ -68,7 +69,7 @@ impl Slam {
             mapping,
             depth: InverseDepthPrior::beyond(self.config.mapping.min_depth_m),
         };
-        if window.behind > 0 || origins(filter.set().particles()) > ORIGINS {
+        if gone > 0 || origins(filter.set().particles()) > ORIGINS {
             let mut rng = streams.shared(frame as u64, Purpose::PathRedraw);
             filter
                 .thin(frame as u64, ORIGINS, &mut rng)
@@ -77,9 +78,8 @@ impl Slam {
                 driver,
                 steps: &window.steps,
             };
-            before.advance(filter.particles_mut(), window.behind);
-            window.steps.drain(..window.behind);
-            window.behind = 0;
+            before.advance(filter.particles_mut(), gone);
+            window.steps.drain(..gone);
         }
         let redraw = PathRedraw {
             driver,
@@ -93,9 +93,7 @@ impl Slam {
         if redrawn.unsettled > 0 {
             report.notes.push(UNSETTLED.to_owned());
         }
-        let length = window.steps.len();
-        let most = self.config.filter.window as usize;
-        window.behind = (length + lag).saturating_sub(most).min(length);
+        window.drawn = window.steps.len();
         Ok(window)
     }
 

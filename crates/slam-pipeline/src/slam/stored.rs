@@ -89,8 +89,8 @@ fn check(state: &State, fresh: &State) -> Result<(), &'static str> {
         "the path of a particle has all keyframes",
     )?;
     rule(
-        state.window.behind <= state.window.steps.len(),
-        "the next window begins within this one",
+        state.window.drawn <= state.window.steps.len(),
+        "the last new draw lies in the window",
     )?;
     rule(
         set.particles().iter().all(|p| {

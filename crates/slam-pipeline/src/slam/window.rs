@@ -10,8 +10,6 @@ use crate::filter::segment::WindowStep;
 pub(super) struct Window {
     #[serde(with = "crate::stored::arcs")]
     pub(super) steps: Vec<Arc<WindowStep>>,
-    /// Keyframes since the last new draw.
-    pub(super) since: usize,
-    /// Number of steps by which the origins move on before the next new draw.
-    pub(super) behind: usize,
+    /// Number of steps at the last new draw; zero before the first.
+    pub(super) drawn: usize,
 }
