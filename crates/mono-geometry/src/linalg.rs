@@ -8,6 +8,7 @@
 //! A rank is a count of singular values above max(rows, columns) eps s_max, the size of what rounding alone leaves of an
 //! exact zero.
 
+use estimation_base::symmetric;
 use nalgebra::linalg::Cholesky;
 use nalgebra::{Const, DMatrix, DVector, Matrix3, Rotation3, SMatrix, Vector3};
 
@@ -232,6 +233,25 @@ pub(crate) fn cholesky<const N: usize>(
 ) -> Result<Cholesky<f64, Const<N>>, GeometryError> {
     let factor = estimation_base::CholeskyFactor::definite(matrix)?;
     Ok(Cholesky::pack_dirty(*factor.lower()))
+}
+
+/// The covariance whose inverse has this factor.
+///
+/// # Errors
+/// [`GeometryError::NotPositiveDefinite`] with the smallest pivot where it is so small that its inverse is no finite number.
+pub(crate) fn covariance<const N: usize>(
+    information: &Cholesky<f64, Const<N>>,
+) -> Result<SMatrix<f64, N, N>, GeometryError> {
+    let covariance = symmetric(&information.inverse());
+    if covariance.iter().all(|v| v.is_finite()) {
+        return Ok(covariance);
+    }
+    let (pivot, root) = information.l_dirty().diagonal().argmin();
+    Err(GeometryError::NotPositiveDefinite {
+        pivot,
+        value: root * root,
+        required: f64::MIN_POSITIVE,
+    })
 }
 
 /// The rotation nearest to a matrix in the Frobenius norm: U diag(1, 1, det(U V^T)) V^T.

@@ -8,11 +8,10 @@
 //!
 //! Degenerate: sightings that do not fix the parameters make J^T J singular; the caller says which rejection that is.
 
-use estimation_base::symmetric;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
-use crate::linalg::cholesky;
+use crate::linalg::{self, cholesky};
 use crate::triangulation::Rejection;
 
 /// A step this short, in standard deviations of the estimate, changes nothing that matters.
@@ -79,11 +78,12 @@ where
             required_sigmas: STEP_TOLERANCE_SIGMAS,
         });
     }
-    let factor =
-        cholesky(&normal.information).map_err(|_singular| (sightings.singular)(parameters))?;
+    let covariance = cholesky(&normal.information)
+        .and_then(|factor| linalg::covariance(&factor))
+        .map_err(|_singular| (sightings.singular)(parameters))?;
     Ok(Minimum {
         parameters: *parameters,
-        covariance: symmetric(&factor.inverse()),
+        covariance,
         chi_square: normal.chi_square,
         iterations,
     })

@@ -168,7 +168,11 @@ impl<const D: usize> Covariance<D> {
                 covariance += mixed + mixed.transpose();
             }
         }
-        Some(symmetric(&covariance))
+        let covariance = symmetric(&covariance);
+        covariance
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some(covariance)
     }
 
     fn block(&self, row: usize, column: usize) -> SMatrix<f64, D, D> {

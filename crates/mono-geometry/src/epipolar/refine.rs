@@ -22,7 +22,7 @@ use super::pair::Correspondence;
 use super::scorer::SampsonScorer;
 use crate::error::GeometryError;
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
-use crate::linalg::cholesky;
+use crate::linalg::{self, cholesky};
 use crate::ransac::Scorer;
 
 /// A motion with K degrees of freedom that has an essential matrix.
@@ -84,7 +84,7 @@ pub fn refine<M: Freedom<K> + Clone, const K: usize>(
     let (termination, iterations) = minimise(&mut problem, &control)?;
     let TwoViews { model, normal, .. } = problem;
     Ok(Refined {
-        covariance: normal.factor(&normal.information)?.inverse(),
+        covariance: linalg::covariance(&normal.factor(&normal.information)?)?,
         model,
         chi_square: normal.chi_square,
         degrees_of_freedom: normal.used.saturating_sub(K),

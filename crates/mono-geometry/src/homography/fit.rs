@@ -157,9 +157,13 @@ pub fn fit(
     let tangent = (Matrix9::identity() - unit * unit.transpose()) / matrix.norm();
     // Target noise of 1 is a noise of `scale` in normalised coordinates.
     let map = tangent * map * to.scale;
+    let unit_covariance = symmetric(&(map * normalized_covariance * map.transpose()));
+    if !unit_covariance.iter().all(|v| v.is_finite()) {
+        return Err(degenerate(rank));
+    }
     Ok(HomographyFit {
         homography,
-        unit_covariance: symmetric(&(map * normalized_covariance * map.transpose())),
+        unit_covariance,
         rms: (squared / pairs.len() as f64).sqrt() / to.scale,
         condition: singular_values[0] / singular_values[7],
         iterations,

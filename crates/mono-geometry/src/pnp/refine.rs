@@ -14,14 +14,13 @@
 //! Degenerate: collinear points leave a turn free, fewer than three points more than that: the information is singular
 //! (refused with the pivot).
 
-use estimation_base::symmetric;
 use nalgebra::{Matrix6, Vector6};
 
 use super::correspondence::{Correspondence, NoPose, check};
 use crate::camera::Pinhole;
 use crate::error::GeometryError;
 use crate::least_squares::{Control, Model, Problem, Termination, Trial, minimise};
-use crate::linalg::cholesky;
+use crate::linalg::{self, cholesky};
 use crate::robust_loss::RobustLoss;
 use crate::se3::Se3;
 use crate::structure::STEP_TOLERANCE_SIGMAS;
@@ -128,7 +127,7 @@ pub fn refine_pose(
 /// The inverse of the information, if every pivot is above the rounding of a sum of 2 n products, 2 n eps of the diagonal,
 /// times 32 for what elimination adds.
 fn covariance(information: &Matrix6<f64>, points: usize) -> Result<Matrix6<f64>, NoPose> {
-    let factor = cholesky(information).map_err(|error| match error {
+    let singular = |error| match error {
         GeometryError::NotPositiveDefinite {
             pivot,
             value,
@@ -143,7 +142,8 @@ fn covariance(information: &Matrix6<f64>, points: usize) -> Result<Matrix6<f64>,
             value: f64::NAN,
             required: 0.0,
         },
-    })?;
+    };
+    let factor = cholesky(information).map_err(singular)?;
     for pivot in 0..6 {
         let value = factor.l_dirty()[(pivot, pivot)].powi(2);
         let required = 64.0 * points as f64 * f64::EPSILON * information[(pivot, pivot)];
@@ -155,7 +155,7 @@ fn covariance(information: &Matrix6<f64>, points: usize) -> Result<Matrix6<f64>,
             });
         }
     }
-    Ok(symmetric(&factor.inverse()))
+    linalg::covariance(&factor).map_err(singular)
 }
 
 /// Squared reprojection error over sigma^2; infinite behind the camera.

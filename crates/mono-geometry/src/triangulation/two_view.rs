@@ -23,7 +23,7 @@
 //! Degenerate: without a baseline there is no F. With both pixels placed so that two corrections are equally short (as
 //! between two epipoles) there is none to prefer: [`NoCorrection`] says so.
 
-use estimation_base::{Readable, symmetric};
+use estimation_base::Readable;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector2};
 
 use super::accept::accept;
@@ -35,7 +35,7 @@ use super::refine::{Minimum, normal_equations};
 use super::start::midpoint;
 use crate::camera::Pinhole;
 use crate::epipolar::EpipolarPair;
-use crate::linalg::cholesky;
+use crate::linalg::{self, cholesky};
 
 /// A match moved onto the epipolar constraint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -206,10 +206,12 @@ pub fn triangulate_two_views(
     let point = midpoint(pinhole, &corrected).ok_or(too_small)?;
     require_in_front(observations, &point)?;
     let normal = normal_equations(pinhole, observations, &point)?;
-    let factor = cholesky(&normal.information).map_err(|_singular| too_small)?;
+    let covariance = cholesky(&normal.information)
+        .and_then(|factor| linalg::covariance(&factor))
+        .map_err(|_singular| too_small)?;
     let minimum = Minimum {
         point,
-        covariance: symmetric(&factor.inverse()),
+        covariance,
         chi_square: correction.chi_square,
         iterations: correction.iterations,
     };

@@ -1,19 +1,19 @@
 //! Any floats at all, NaN, infinities and subnormals included: an answer or an error, never a panic, never a NaN that
 //! passes for an answer.
 
-use mono_geometry::epipolar::EpipolarPair;
+use mono_geometry::epipolar::{self, EpipolarPair, PlanarMotion, RelativePose};
 use mono_geometry::inverse_depth::InverseDepthPoint;
 use mono_geometry::motion::{ControlNoise, OdometrySample, accumulate, held_between};
 use mono_geometry::pnp::{
-    Correspondence, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac, p3p,
-    refine_pose,
+    Correspondence, NoPose, RefineOptions, RobustPoseOptions, estimate_pose, estimate_pose_ransac,
+    p3p, refine_pose,
 };
 use mono_geometry::ransac::{Options, Uniform};
 use mono_geometry::triangulation::{
     Acceptance, Observation, correct_match, triangulate, triangulate_two_views,
 };
 use mono_geometry::{
-    Camera, Distortion, Mount, NoiseShape, Pinhole, PlacedCamera, RobustLoss, Se2, Se3,
+    Camera, Distortion, Mount, NoiseShape, Pinhole, PlacedCamera, RobustLoss, Se2, Se3, homography,
     inverse_depth, so3,
 };
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
@@ -153,6 +153,7 @@ proptest! {
             }
             if let Ok(found) = estimate_pose(&pinhole, &seen, &options) {
                 prop_assert!(finite(&found.estimate.world_from_camera));
+                prop_assert!(found.estimate.covariance.iter().all(|v| v.is_finite()));
             }
         }
         let robust = RobustPoseOptions {
@@ -162,6 +163,34 @@ proptest! {
         };
         if let Ok(found) = estimate_pose_ransac(&pinhole, &seen, &mut Uniform::default(), &robust) {
             prop_assert!(finite(&found.estimate.world_from_camera));
+            prop_assert!(found.estimate.covariance.iter().all(|v| v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn two_views(n in numbers(46)) {
+        let matches: Vec<_> = (0..10).map(|k| epipolar::Correspondence {
+            first: Vector2::new(n[4 * k], n[4 * k + 1]),
+            second: Vector2::new(n[4 * k + 2], n[4 * k + 3]),
+        }).collect();
+        let all: Vec<usize> = (0..10).collect();
+        let variance = Vector2::new(n[40], n[41]);
+        let motion = Se3::exp(&Vector6::new(n[42], n[43], n[44], 0.1, -0.2, n[45]));
+        if let Some(start) = RelativePose::new(&motion)
+            && let Ok(found) = epipolar::refine(&start, &matches, &all, &variance, 10)
+        {
+            prop_assert!(found.covariance.iter().all(|v| v.is_finite()));
+        }
+        let planar = PlanarMotion::new(&Mount::forward(), n[42], n[43]);
+        if let Ok(found) = epipolar::refine(&planar, &matches, &all, &variance, 10) {
+            prop_assert!(found.covariance.iter().all(|v| v.is_finite()));
+        }
+        for count in [4, 10] {
+            let (source, target): (Vec<_>, Vec<_>) = matches[..count].iter().map(|m| (m.first, m.second)).unzip();
+            if let Ok(found) = homography::fit(&source, &target) {
+                prop_assert!(found.unit_covariance.iter().chain(found.homography.matrix()).all(|v| v.is_finite()));
+                prop_assert!(found.rms.is_finite());
+            }
         }
     }
 
@@ -182,6 +211,74 @@ proptest! {
         let noise = ControlNoise { forward_per_sqrt_m: n[14], turn_per_sqrt_rad: n[15], ..ControlNoise::ZERO };
         if let Ok(increment) = accumulate(&held, &noise) {
             prop_assert!(increment.mean.log().iter().chain(increment.covariance.iter()).all(|v| v.is_finite()));
+        }
+    }
+}
+
+/// Points so far off that the information of the pose is next to nothing in one direction: its inverse is no number.
+#[test]
+fn regress_a_covariance_beyond_all_numbers_is_refused() {
+    let seen = [
+        [0.0, 0.0, 6.055_515_759_039_813e64, 0.0, 1.0],
+        [
+            0.0,
+            0.0,
+            -1.258_327_999_154_406_5,
+            -0.038_212_018_243_242_51,
+            1.0,
+        ],
+        [
+            0.0,
+            1.889_432_083_495_428e266,
+            0.463_568_485_633_548_8,
+            2.189_449_895_386_74,
+            1.0,
+        ],
+        [0.0, 0.0, 0.0, 1.871_390_168_704_310_4, 1.0],
+        [0.0, 0.0, 1.908_754_939_600_904_3, 0.0, 1.0],
+        [
+            0.0,
+            0.0,
+            -1_498_206.184_529_443_3,
+            0.0,
+            2.540_417_182_673_947_2,
+        ],
+    ]
+    .map(|[x, y, u, v, sigma_px]| Correspondence {
+        point_in_world: Vector3::new(x, y, 3.0),
+        pixel_ideal: Vector2::new(160.0 + 50.0 * u, 120.0 + 50.0 * v),
+        sigma_px,
+        shape: NoiseShape::ROUND,
+    });
+    let pinhole = Pinhole {
+        width: 320,
+        height: 240,
+        fx: 370.0,
+        fy: 371.0,
+        cx: 160.0,
+        cy: 120.0,
+    };
+    let far = Vector6::new(
+        0.0,
+        -1.103_977_534_880_542_1e161,
+        0.0,
+        -0.027_185_059_174_578_183,
+        0.0,
+        0.0,
+    );
+    for loss in [
+        RobustLoss::None,
+        RobustLoss::Cauchy {
+            threshold: 1.104_806_762_383_026_7,
+        },
+    ] {
+        let options = RefineOptions {
+            loss,
+            max_iterations: 20,
+        };
+        match refine_pose(&pinhole, &Se3::exp(&far), &seen, &options) {
+            Ok(found) => assert!(found.covariance.iter().all(|v| v.is_finite())),
+            Err(refused) => assert!(matches!(refused, NoPose::Singular { .. }), "{refused}"),
         }
     }
 }
