@@ -256,7 +256,7 @@ impl Default for CarrierSection {
             scale_drift: 0.01,
             scale_sigma: 0.05,
             first_heading_sigma: 0.005,
-            mount_yaw_sigma: 0.0,
+            mount_yaw_sigma: 0.005,
             focal_sigma: 0.003,
             turn_bias_sigma: 0.002,
             turning_centre_sigma_m: 0.0,

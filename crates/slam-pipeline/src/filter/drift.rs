@@ -10,94 +10,26 @@
 //!
 //! T_ta moves a rigid error from a to t, the rest is odometry. The surviving
 //! path is a draw from the posterior around a mean that is itself in error by as
-//! much: w_t ~ N(0, 2 Lambda^-1). The joint covariance of all e is kept, so a
+//! much: w_t ~ N(0, 2 Lambda^-1). Keyframes that are drawn again with their window have the errors of its Gaussian instead
+//! ([`Drift::settle`]). The joint covariance of all e is kept, so a
 //! closed loop ties the present to its old anchors. Calibration errors and
 //! landmarks that share later keyframes are not in it.
 
-use std::collections::BTreeMap;
+mod recent;
+mod settled;
+mod support;
 
 use mono_geometry::Se2;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::focal::rate_between;
-use super::linearised::{PoseLinearisation, PosePosterior};
-use super::motion::MotionPrior;
-use super::observation::{Prepared, Scoring};
-use super::pose::{PLANAR, PoseMatrix};
 use crate::known_map::{KnownErrors, KnownKeyframe};
-use crate::rig::Rig;
+use recent::Recent;
+pub(crate) use support::Support;
 
 /// Number of keyframes whose joint covariance a map keeps.
 const SAVED: usize = 128;
-
-/// The information behind a keyframe's pose, by the keyframes that its landmarks are anchored in.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Support {
-    /// Lambda^-1 Lambda_a, planar part, by anchor keyframe.
-    pub(crate) gains: BTreeMap<u32, Matrix3<f64>>,
-    /// Lambda^-1, planar part.
-    pub(crate) covariance: Matrix3<f64>,
-}
-
-impl Support {
-    /// The support of `posterior`, from `matches` with the anchor keyframe of each. The particle has `scale` metres per
-    /// unit. `None` if a factor is singular.
-    #[must_use]
-    pub(crate) fn new(
-        rig: &Rig,
-        prior: &MotionPrior,
-        posterior: &PosePosterior,
-        scale: f64,
-        matches: &[(u32, Prepared)],
-    ) -> Option<Self> {
-        let linearisation = PoseLinearisation::new(rig, prior, posterior);
-        let mut information: BTreeMap<u32, PoseMatrix> = BTreeMap::new();
-        for (anchor, prepared) in matches {
-            let Some(line) = linearisation.linearise(prepared) else {
-                continue;
-            };
-            let sum = information.entry(*anchor).or_insert_with(PoseMatrix::zeros);
-            match prepared.scoring {
-                Scoring::Full => {
-                    if let Some(c) = line.noise.cholesky() {
-                        *sum += line.slope.tr_mul(&c.solve(&line.slope));
-                    }
-                }
-                Scoring::AcrossEpipolar => {
-                    let row = line.slope.tr_mul(&line.across);
-                    let variance = (line.across.transpose() * line.noise * line.across)[(0, 0)];
-                    *sum += row * row.transpose() / variance;
-                }
-                Scoring::MapOnly => {}
-            }
-        }
-        // x = F xi': Lambda^-1 Lambda_a = F T^-1 M_a F^-1, with T the information of the prior and of all groups together.
-        // The posterior itself has down-weighted matches; dividing by its information could give gains above one.
-        let factor = prior.factor * posterior.factor;
-        let total =
-            posterior.factor.tr_mul(&posterior.factor) + information.values().sum::<PoseMatrix>();
-        let total = total.cholesky()?;
-        let inverse = factor.solve_lower_triangular(&PoseMatrix::identity())?;
-        let metric = Matrix3::from_diagonal(&Vector3::new(scale, scale, 1.0));
-        let unit = Matrix3::from_diagonal(&Vector3::new(1.0 / scale, 1.0 / scale, 1.0));
-        let gains = information
-            .into_iter()
-            .map(|(a, m)| {
-                let gain = planar(&(factor * total.solve(&m) * inverse));
-                (a, metric * gain * unit)
-            })
-            .collect();
-        Some(Self {
-            gains,
-            covariance: metric * planar(&(factor * total.solve(&factor.transpose()))) * metric,
-        })
-    }
-}
-
-fn planar(m: &PoseMatrix) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| m[(PLANAR[i], PLANAR[j])])
-}
 
 fn position(body: &Se2) -> Vector2<f64> {
     Vector2::new(body.x, body.y)
@@ -150,6 +82,20 @@ pub(crate) struct Drift {
     excesses: Vec<Matrix3<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
     rows: Vec<Vec<Matrix3<f64>>>,
+    /// The keyframes that are still drawn again.
+    recent: Recent,
+}
+
+/// Whether the pose of a keyframe is drawn again.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Draw {
+    /// It stays where it was drawn.
+    Final,
+    /// It is, with its window ([`Drift::settle`]).
+    Again {
+        /// Covariance of the body that each particle leaves open.
+        open: Matrix3<f64>,
+    },
 }
 
 impl Drift {
@@ -164,6 +110,7 @@ impl Drift {
             focal_rates: Vec::new(),
             excesses: Vec::new(),
             rows: Vec::new(),
+            recent: Recent::after(0),
         }
     }
 
@@ -186,6 +133,7 @@ impl Drift {
                 })
                 .collect(),
             rows: errors.rows.clone(),
+            recent: Recent::after(keyframes.len() as u32),
         };
         drift.thin_to(limit as usize);
         drift
@@ -210,7 +158,7 @@ impl Drift {
     /// Bytes on the heap.
     pub(crate) fn memory_usage(&self) -> usize {
         let blocks: usize = self.rows.iter().map(Vec::len).sum();
-        blocks * size_of::<Matrix3<f64>>()
+        blocks * size_of::<Matrix3<f64>>() + self.recent.memory_usage()
     }
 
     /// Whether there is a row for every keyframe, each one entry longer than the one before.
@@ -226,6 +174,7 @@ impl Drift {
                 .iter()
                 .enumerate()
                 .all(|(i, row)| row.len() == i + 1)
+            && self.recent.is_whole(self.next)
     }
 
     /// Adds the next keyframe with the body at `body` (metres) and returns the covariance of its error: cov(e_t, e_t) and what
@@ -239,17 +188,21 @@ impl Drift {
         body: &Se2,
         support: Option<&Support>,
         odometry: &Matrix3<f64>,
+        draw: &Draw,
     ) -> Matrix3<f64> {
         let count = self.bodies.len();
         let here = position(body);
         let mut gains: Vec<(usize, Matrix3<f64>)> = Vec::new();
         let mut fresh = Matrix3::zeros();
         let mut focal_rate = Vector3::zeros();
-        let mut inherited = Matrix3::zeros();
         if let Some(last) = self.bodies.last() {
             let mut rest = Matrix3::identity();
             if let Some(support) = support {
-                fresh = support.covariance * 2.0;
+                fresh = match draw {
+                    // The path that survives is one draw.
+                    Draw::Final => support.covariance * 2.0,
+                    Draw::Again { .. } => support.covariance,
+                };
                 for (anchor, gain) in &support.gains {
                     let slot = self.slot(*anchor);
                     let from = &self.bodies[slot];
@@ -262,37 +215,30 @@ impl Drift {
             }
             gains.push((count - 1, rest * transport(&position(last), &here)));
         }
-        let share = |gain: &Matrix3<f64>| gain.trace().max(0.0);
-        let shares = gains.iter().map(|(_, gain)| share(gain)).sum::<f64>();
         for (slot, gain) in &gains {
             focal_rate += gain * self.focal_rates[*slot];
-            let moved = transport(&self.position(*slot), &here);
-            inherited += moved
-                * self.excesses[*slot]
-                * moved.transpose()
-                * (share(gain) / shares.max(f64::MIN_POSITIVE));
         }
-        let mut row: Vec<Matrix3<f64>> = (0..count)
-            .map(|b| {
-                gains
-                    .iter()
-                    .map(|(a, g)| g * self.block(*a, b))
-                    .sum::<Matrix3<f64>>()
-            })
-            .collect();
-        let own = gains
-            .iter()
-            .map(|(a, g)| row[*a] * g.transpose())
-            .sum::<Matrix3<f64>>()
-            + fresh;
-        let own = (own + own.transpose()) * 0.5;
-        row.push(own);
+        let inherited = self.inherited_excess(&here, &gains);
+        let mut row = self.inherited(count, &gains);
+        row[count] += fresh;
+        let own = row[count];
+        let leave_here = match draw {
+            Draw::Final => true,
+            Draw::Again { open } => {
+                let gains = gains.iter().map(|(slot, g)| (self.kept[*slot], *g));
+                self.recent.push(gains.collect(), *open, &fresh);
+                false
+            }
+        };
         self.rows.push(row);
         self.bodies.push(*body);
         self.focal_rates.push(focal_rate);
         self.excesses.push(inherited);
         self.kept.push(self.next);
         self.next += 1;
+        if leave_here {
+            self.recent = Recent::after(self.next);
+        }
         self.thin_to(self.limit as usize);
         own + inherited
     }
@@ -390,6 +336,69 @@ impl Drift {
         from.iter().zip(on).map(|(a, b)| (b - a).norm()).sum()
     }
 
+    /// The first `count` recent keyframes stay where they were drawn.
+    pub(super) fn leave(&mut self, count: usize) {
+        let count = count.min(self.recent.steps.len());
+        for i in 0..count {
+            let Some(row) = self.place(i) else { continue };
+            for j in 0..=i {
+                if let Some(column) = self.place(j) {
+                    self.rows[row][column] += self.recent.steps[i].own[j];
+                }
+            }
+        }
+        self.recent.forget(count);
+    }
+
+    /// All recent keyframes stay where they were drawn.
+    pub(super) fn leave_all(&mut self) {
+        self.leave(self.recent.steps.len());
+    }
+
+    /// The place of a recent keyframe among those kept.
+    fn place(&self, i: usize) -> Option<usize> {
+        self.kept
+            .binary_search(&(self.recent.first + i as u32))
+            .ok()
+    }
+
+    /// The row of a keyframe at `slot` that makes no error of its own.
+    pub(super) fn inherited(
+        &self,
+        slot: usize,
+        gains: &[(usize, Matrix3<f64>)],
+    ) -> Vec<Matrix3<f64>> {
+        let mut row: Vec<Matrix3<f64>> = (0..slot)
+            .map(|b| gains.iter().map(|(a, g)| g * self.block(*a, b)).sum())
+            .collect();
+        let own = gains
+            .iter()
+            .map(|(a, g)| row[*a] * g.transpose())
+            .sum::<Matrix3<f64>>();
+        row.push((own + own.transpose()) * 0.5);
+        row
+    }
+
+    /// The covariance that was reported of the keyframes a pose at `here` leans on, beyond that of their errors.
+    pub(super) fn inherited_excess(
+        &self,
+        here: &Vector2<f64>,
+        gains: &[(usize, Matrix3<f64>)],
+    ) -> Matrix3<f64> {
+        let share = |gain: &Matrix3<f64>| gain.trace().max(0.0);
+        let shares = gains.iter().map(|(_, gain)| share(gain)).sum::<f64>();
+        gains
+            .iter()
+            .map(|(slot, gain)| {
+                let moved = transport(&self.position(*slot), here);
+                moved
+                    * self.excesses[*slot]
+                    * moved.transpose()
+                    * (share(gain) / shares.max(f64::MIN_POSITIVE))
+            })
+            .sum()
+    }
+
     /// Takes `by(i, j)`, a positive semi-definite matrix by blocks that is nowhere larger, from the joint covariance, and
     /// `rate(i)` from the derivative of each error.
     pub(super) fn lower(
@@ -397,6 +406,7 @@ impl Drift {
         by: impl Fn(usize, usize) -> Matrix3<f64>,
         rate: impl Fn(usize) -> Vector3<f64>,
     ) {
+        self.leave_all();
         for (i, focal_rate) in self.focal_rates.iter_mut().enumerate() {
             *focal_rate -= rate(i);
         }
@@ -444,6 +454,7 @@ impl Drift {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
     const WINDOW: u32 = 256;
 
@@ -454,54 +465,13 @@ mod tests {
         }
     }
 
-    /// A consensus that down-weighted most of its matches is less sure than all matches together. Gains against its own
-    /// information summed to hundreds, and the covariance exploded at a revisit.
-    #[test]
-    fn regress_gains_never_exceed_one_together() {
-        use crate::filter::tests::common::{
-            control, inverse_depth, normal, particle, place, planar_carrier, pose, prepared, rig,
-            rng,
-        };
-        use mono_geometry::inverse_depth::LandmarkGeometry;
-        let mut rng = rng(61);
-        let p = particle(pose(0.0, 0.0, 0.1));
-        let u = control([0.1, 0.0, 0.01], [0.01, 0.01, 0.02]);
-        let prior = planar_carrier().prior(&Vector2::zeros(), &p.departure(), &u);
-        let anchor = place(&p.pose);
-        let matches: Vec<(u32, Prepared)> = (0..60)
-            .map(|i| {
-                let direction = Vector3::new(0.1 * normal(&mut rng), 0.1 * normal(&mut rng), 0.5);
-                let landmark = inverse_depth(direction, Matrix3::identity() * 1e-8);
-                let geometry = LandmarkGeometry::InverseDepth { anchor };
-                let pixel = Vector2::new(160.0, 120.0);
-                (
-                    i % 3,
-                    prepared(geometry, &landmark, pixel, 0.36, Scoring::Full),
-                )
-            })
-            .collect();
-        for posterior in [
-            PosePosterior::prior(),
-            PosePosterior {
-                factor: PoseMatrix::identity() * 0.5,
-                ..PosePosterior::prior()
-            },
-        ] {
-            let support = Support::new(&rig(), &prior, &posterior, 1.0, &matches).unwrap();
-            let sum: Matrix3<f64> = support.gains.values().sum();
-            assert!(support.gains.len() == 3 && sum.norm() > 0.5, "{sum}");
-            let largest = sum.complex_eigenvalues().map(|v| v.norm()).max();
-            assert!(largest < 1.0 + 1e-9, "{largest}: {sum}");
-        }
-    }
-
     #[test]
     fn pure_odometry_is_a_random_walk_with_its_lever() {
         let mut drift = Drift::keeping(WINDOW);
         let noise = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-4));
-        drift.push(&Se2::identity(), None, &noise);
-        drift.push(&Se2::new(1.0, 0.0, 0.0), None, &noise);
-        let c = drift.push(&Se2::new(3.0, 0.0, 0.0), None, &noise);
+        drift.push(&Se2::identity(), None, &noise, &Draw::Final);
+        drift.push(&Se2::new(1.0, 0.0, 0.0), None, &noise, &Draw::Final);
+        let c = drift.push(&Se2::new(3.0, 0.0, 0.0), None, &noise, &Draw::Final);
         // Heading error of the first step (made at x = 1) swings two metres.
         assert!((c[(2, 2)] - 2e-4).abs() < 1e-18);
         assert!((c[(1, 1)] - 4e-4).abs() < 1e-18);
@@ -511,10 +481,15 @@ mod tests {
     fn an_anchor_in_the_first_keyframe_bounds_the_error() {
         let mut drift = Drift::keeping(WINDOW);
         let none = Matrix3::zeros();
-        drift.push(&Se2::identity(), None, &none);
+        drift.push(&Se2::identity(), None, &none, &Draw::Final);
         let mut last = none;
         for _ in 0..50 {
-            last = drift.push(&Se2::identity(), Some(&support(0, 1.0, 0.01)), &none);
+            last = drift.push(
+                &Se2::identity(),
+                Some(&support(0, 1.0, 0.01)),
+                &none,
+                &Draw::Final,
+            );
         }
         assert!(
             (last[(0, 0)] - 2e-4).abs() < 1e-15,
@@ -522,9 +497,14 @@ mod tests {
         );
         // The same leaning on the previous keyframe accumulates.
         let mut drift = Drift::keeping(WINDOW);
-        drift.push(&Se2::identity(), None, &none);
+        drift.push(&Se2::identity(), None, &none, &Draw::Final);
         for k in 0..50 {
-            last = drift.push(&Se2::identity(), Some(&support(k, 1.0, 0.01)), &none);
+            last = drift.push(
+                &Se2::identity(),
+                Some(&support(k, 1.0, 0.01)),
+                &none,
+                &Draw::Final,
+            );
         }
         assert!((last[(0, 0)] - 50.0 * 2e-4).abs() < 1e-12);
     }
@@ -553,13 +533,14 @@ mod tests {
     fn joint_covariance_stays_positive_past_the_window() {
         let mut drift = Drift::keeping(WINDOW);
         let none = Matrix3::zeros();
-        drift.push(&Se2::identity(), None, &none);
+        drift.push(&Se2::identity(), None, &none, &Draw::Final);
         for k in 1..(WINDOW + 40) {
             let anchor = k.saturating_sub(3);
             let c = drift.push(
                 &Se2::new(0.1 * f64::from(k), 0.0, 0.0),
                 Some(&support(anchor, 0.7, 0.001)),
                 &none,
+                &Draw::Final,
             );
             assert!(c.cholesky().is_some(), "keyframe {k}");
         }

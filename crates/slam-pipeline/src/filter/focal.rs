@@ -21,7 +21,7 @@ mod tests {
     use nalgebra::Matrix3;
 
     use super::*;
-    use crate::filter::drift::{Drift, Support};
+    use crate::filter::drift::{Draw, Drift, Support};
     use std::collections::BTreeMap;
 
     /// The path of a robot that turns and drives, all its turns too large by the share `stretch - 1`.
@@ -50,10 +50,10 @@ mod tests {
         let e = 1e-6;
         let (straight, more, less) = (path(1.0), path(1.0 + e), path(1.0 - e));
         let mut drift = Drift::keeping(256);
-        drift.push(&straight[0], None, &Matrix3::zeros());
+        drift.push(&straight[0], None, &Matrix3::zeros(), &Draw::Final);
         for (k, body) in straight.iter().enumerate().skip(1) {
             let support = leaning_on(k as u32 - 1, 1.0);
-            drift.push(body, Some(&support), &Matrix3::zeros());
+            drift.push(body, Some(&support), &Matrix3::zeros(), &Draw::Final);
             let (a, b) = (&more[k], &less[k]);
             let difference = Vector3::new(a.x - b.x, a.y - b.y, wrap(a.phi - b.phi)) / (2.0 * e);
             let rate = drift.focal_rate(k as u32, body);
@@ -67,11 +67,16 @@ mod tests {
     fn regress_old_landmarks_take_the_swing_of_many_turns_back() {
         let mut drift = Drift::keeping(256);
         let body = |k: u32| Se2::new(0.0, 0.0, wrap(0.1 * f64::from(k)));
-        drift.push(&body(0), None, &Matrix3::zeros());
+        drift.push(&body(0), None, &Matrix3::zeros(), &Draw::Final);
         for k in 1..1000 {
             // One turn has 63 keyframes; later ones see the landmarks anchored in the first.
             let anchor = if k < 63 { k - 1 } else { (k - 1) % 63 };
-            drift.push(&body(k), Some(&leaning_on(anchor, 0.9)), &Matrix3::zeros());
+            drift.push(
+                &body(k),
+                Some(&leaning_on(anchor, 0.9)),
+                &Matrix3::zeros(),
+                &Draw::Final,
+            );
             let rate = drift.focal_rate(k, &body(k)).z;
             assert!(
                 rate.abs() < 1.2 * 2.0 * core::f64::consts::PI,
@@ -80,7 +85,7 @@ mod tests {
         }
         // What the wheels measure has no such error.
         let before = drift.focal_rate(999, &body(999));
-        drift.push(&body(1000), None, &Matrix3::zeros());
+        drift.push(&body(1000), None, &Matrix3::zeros(), &Draw::Final);
         assert_eq!(drift.focal_rate(1000, &body(1000)), before);
     }
 }

@@ -10,12 +10,12 @@
 use std::sync::Arc;
 
 use estimation_base::Manifold;
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation2, SMatrix, Vector2, Vector3};
 
 use super::landmark::{Landmark, Parametrisation};
 use super::motion::CONSTANTS;
 use super::particle::Particle;
-use super::pose::{CameraPose, POSE_DIM, PoseStep};
+use super::pose::{CameraPose, PLANAR, POSE_DIM, PoseStep};
 use super::segment::{SegmentDriver, WindowStep, recent_poses};
 use super::window_equations::{Elimination, NormalEquations, Unknowns, WindowProblem};
 use super::window_landmarks::{Track, tracks};
@@ -37,6 +37,12 @@ pub(crate) struct SegmentGaussian {
     pub(crate) precision_factor: DMatrix<f64>,
     /// The landmarks of the window, by identity.
     pub(crate) landmarks: Vec<WindowLandmark>,
+    /// Precision of the stacked tangents and the constants of the carrier together.
+    pub(crate) precision: DMatrix<f64>,
+    /// Metres per unit.
+    pub(crate) scale: f64,
+    /// Where the camera was at the beginning, in the unit.
+    start: Vector2<f64>,
 }
 
 /// A landmark given the poses: Gaussian with a mean that is affine in the tangents of some of them.
@@ -69,6 +75,30 @@ impl SegmentGaussian {
                 .map(|k| stacked.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned())
                 .collect(),
         )
+    }
+
+    /// Covariance of the body poses (x, y, heading; metres, rad), three rows a keyframe, given the pose at the beginning, with
+    /// the camera at `lever_m` from the body origin. A camera measures no length: the unit of the path and the scale err
+    /// together, their product by much less. `None` when the precision is singular. O((6 L)^3).
+    #[must_use]
+    pub(crate) fn body_covariance(&self, lever_m: &Vector2<f64>) -> Option<DMatrix<f64>> {
+        let scale_row = self.dimension();
+        let mut by_unknowns = DMatrix::zeros(scale_row + CONSTANTS, 3 * self.mean.len());
+        for (k, pose) in self.mean.iter().enumerate() {
+            let (row, column) = (POSE_DIM * k, 3 * k);
+            let travelled = pose.centre.xy() - self.start;
+            let lever = Rotation2::new(pose.phi) * lever_m;
+            by_unknowns[(row + PLANAR[0], column)] = self.scale;
+            by_unknowns[(row + PLANAR[1], column + 1)] = self.scale;
+            by_unknowns[(row + PLANAR[2], column)] = lever.y;
+            by_unknowns[(row + PLANAR[2], column + 1)] = -lever.x;
+            by_unknowns[(row + PLANAR[2], column + 2)] = 1.0;
+            by_unknowns[(scale_row, column)] = travelled.x;
+            by_unknowns[(scale_row, column + 1)] = travelled.y;
+        }
+        let factor = self.precision.clone().cholesky()?.unpack();
+        let whitened = factor.solve_lower_triangular(&by_unknowns)?;
+        Some(whitened.tr_mul(&whitened))
     }
 
     /// The path at `tangents`.
@@ -157,6 +187,9 @@ pub(crate) fn segment_gaussian(
             .collect(),
         mean: at.poses,
         precision_factor: reduced.cholesky()?.unpack(),
+        precision: normal.precision,
+        scale: at.constants.x,
+        start: start.pose.centre.xy(),
     })
 }
 

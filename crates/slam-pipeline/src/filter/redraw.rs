@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use rbpf_core::{Purpose, Streams};
@@ -29,6 +29,8 @@ pub(crate) struct Redrawn {
     pub(crate) log_increments: Vec<f64>,
     /// Origins whose local batch did not settle: their particles keep their paths.
     pub(crate) unsettled: usize,
+    /// Covariance of the body poses of the window given its beginning, three rows a keyframe: that of the likeliest origin.
+    pub(crate) covariance: Option<DMatrix<f64>>,
 }
 
 /// The new draw of one keyframe.
@@ -79,6 +81,7 @@ impl PathRedraw<'_> {
             return Redrawn {
                 log_increments: vec![0.0; particles.len()],
                 unsettled: 0,
+                covariance: None,
             };
         }
         let family = families(particles);
@@ -103,7 +106,12 @@ impl PathRedraw<'_> {
                     DVector::from_fn(gaussian.dimension(), |_, _| StandardNormal.sample(&mut rng));
                 self.take(particle, &family.origins[origin].0, gaussian, &normal);
             });
+        let covariance = family
+            .likeliest(log_weights)
+            .and_then(|origin| gaussians[origin].as_ref())
+            .and_then(|gaussian| gaussian.body_covariance(&self.driver.rig.lever_m()));
         Redrawn {
+            covariance,
             log_increments: family.mean_weights(log_weights, |origin| gaussians[origin].is_some()),
             unsettled: gaussians.iter().filter(|g| g.is_none()).count(),
         }
@@ -167,8 +175,15 @@ fn families(particles: &[Particle]) -> Families {
 }
 
 impl Families {
-    /// Log increments that give the members of each redrawn family the mean of their weights.
-    fn mean_weights(&self, log_weights: &[f64], redrawn: impl Fn(usize) -> bool) -> Vec<f64> {
+    /// The origin whose particles have the most weight together.
+    fn likeliest(&self, log_weights: &[f64]) -> Option<usize> {
+        let sums = self.sums(log_weights).0;
+        (0..sums.len()).max_by(|a, b| sums[*a].0.total_cmp(&sums[*b].0))
+    }
+
+    /// Sum of the weights and number of the particles of each origin; the weights are those over the largest, which comes with
+    /// them as a logarithm.
+    fn sums(&self, log_weights: &[f64]) -> (Vec<(f64, f64)>, f64) {
         let mut sums = vec![(0.0, 0.0); self.origins.len()];
         let largest = log_weights.iter().copied().fold(f64::MIN, f64::max);
         for (origin, log_weight) in self.of_slot.iter().zip(log_weights) {
@@ -177,6 +192,12 @@ impl Families {
                 sums[origin].1 += 1.0;
             }
         }
+        (sums, largest)
+    }
+
+    /// Log increments that give the members of each redrawn family the mean of their weights.
+    fn mean_weights(&self, log_weights: &[f64], redrawn: impl Fn(usize) -> bool) -> Vec<f64> {
+        let (sums, largest) = self.sums(log_weights);
         self.of_slot
             .iter()
             .zip(log_weights)

@@ -62,7 +62,11 @@ impl Slam {
         state.catalogue.apply(keyframe.catalogue, keyframe.forest);
         let set = state.filter.set();
         state.catalogue.follow(&set.particles()[set.best()].map);
-        let estimate = self.estimate(keyframe.support.as_ref(), &keyframe.control);
+        let estimate = self.estimate(
+            keyframe.support.as_ref(),
+            &keyframe.control,
+            keyframe.settled.as_ref(),
+        );
         let state = &mut self.state;
         state.last = estimate;
         if found {

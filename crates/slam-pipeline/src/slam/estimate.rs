@@ -5,8 +5,9 @@ use mono_geometry::Se2;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rbpf_core::ParticleSet;
 
+use super::redraw::Settled;
 use super::{PoseEstimate, Slam};
-use crate::filter::drift::{Support, cover};
+use crate::filter::drift::{Draw, Support, cover};
 use crate::filter::linearised::PosePosterior;
 use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
@@ -22,11 +23,32 @@ impl Slam {
         &mut self,
         support: Option<&Support>,
         control: &Control,
+        settled: Option<&Settled>,
     ) -> PoseEstimate {
-        let PoseEstimate { pose, covariance } = spread(self.state.filter.set());
+        let Spread {
+            pose,
+            between,
+            open,
+        } = spread(self.state.filter.set());
+        let covariance = between + open;
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.state.last.pose.phi);
         let odometry = turn.matrix() * control.covariance * turn.matrix().transpose();
-        let drift = self.state.drift.push(&pose, support, &odometry);
+        let draw = if self.lag() > 0 {
+            Draw::Again { open }
+        } else {
+            Draw::Final
+        };
+        let mut drift = self.state.drift.push(&pose, support, &odometry, &draw);
+        if let Some(Settled { first, covariance }) = settled {
+            let lever_m = self.rig.lever_m();
+            let set = self.state.filter.set();
+            self.state
+                .drift
+                .settle(*first, covariance.as_ref(), |keyframe| {
+                    spread_at(set, keyframe, &lever_m)
+                });
+            drift = self.state.drift.last_covariance(&pose);
+        }
         let covered = match self.policies.reported {
             ReportedCovariance::SpreadAndDrift => {
                 let covered = cover(&covariance, &drift);
@@ -72,37 +94,60 @@ impl Slam {
     }
 }
 
-/// Weighted mean and covariance of the body pose over the particles, the metric state of each included.
-fn spread(set: &ParticleSet<Particle>) -> PoseEstimate {
-    let weights = set.weights();
-    let first = set.particles()[0].pose.phi;
-    let unwrapped = |p: &Particle| {
-        let position = p.metric.position();
-        Vector3::new(position.x, position.y, wrap(p.pose.phi - first))
-    };
+/// The body pose over the particles.
+struct Spread {
+    /// Weighted mean.
+    pose: Se2,
+    /// Covariance between the particles.
+    between: Matrix3<f64>,
+    /// Mean covariance that each leaves open.
+    open: Matrix3<f64>,
+}
+
+fn spread(set: &ParticleSet<Particle>) -> Spread {
+    let bodies = set.particles().iter().map(|p| p.metric.body(p.pose.phi));
+    let (pose, between) = moments(&set.weights(), bodies);
+    let mut open = Matrix3::zeros();
+    for (w, p) in set.weights().iter().zip(set.particles()) {
+        let position = p.metric.position_covariance() * *w;
+        let mut block = open.fixed_view_mut::<2, 2>(0, 0);
+        block += position;
+    }
+    Spread {
+        pose,
+        between,
+        open,
+    }
+}
+
+/// Covariance of the body pose of a keyframe between the particles, as they have its path now.
+fn spread_at(set: &ParticleSet<Particle>, keyframe: u32, lever_m: &Vector2<f64>) -> Matrix3<f64> {
+    let bodies = set.particles().iter().filter_map(|p| {
+        let pose = p.path.get(keyframe as usize)?.pose;
+        Some(p.metric_world(*lever_m).body(&pose))
+    });
+    moments(&set.weights(), bodies).1
+}
+
+/// Weighted mean and covariance of poses, at least one.
+fn moments(weights: &[f64], poses: impl Iterator<Item = Se2> + Clone) -> (Se2, Matrix3<f64>) {
+    let first = poses.clone().next().map_or(0.0, |pose| pose.phi);
+    let unwrapped = |pose: &Se2| Vector3::new(pose.x, pose.y, wrap(pose.phi - first));
     let mut mean = Vector3::zeros();
-    for (w, p) in weights.iter().zip(set.particles()) {
-        mean += unwrapped(p) * *w;
+    for (w, pose) in weights.iter().zip(poses.clone()) {
+        mean += unwrapped(&pose) * *w;
     }
     let mut covariance = Matrix3::zeros();
-    for (w, p) in weights.iter().zip(set.particles()) {
-        let d = unwrapped(p) - mean;
+    for (w, pose) in weights.iter().zip(poses) {
+        let d = unwrapped(&pose) - mean;
         covariance += d * d.transpose() * *w;
-        let open = p.metric.position_covariance();
-        for i in 0..2 {
-            for j in 0..2 {
-                covariance[(i, j)] += w * open[(i, j)];
-            }
-        }
     }
-    PoseEstimate {
-        pose: Se2 {
-            x: mean.x,
-            y: mean.y,
-            phi: wrap(first + mean.z),
-        },
-        covariance,
-    }
+    let pose = Se2 {
+        x: mean.x,
+        y: mean.y,
+        phi: wrap(first + mean.z),
+    };
+    (pose, covariance)
 }
 
 /// Metric body motion of the reference particle since its keyframe.

@@ -7,6 +7,7 @@ use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
 use super::feature_budget::strongest_unused;
 use super::ground::Ground;
 use super::lost::Lost;
+use super::redraw::Settled;
 use super::scoring_budget::spread_scoring;
 use super::window::Window;
 use super::{
@@ -40,6 +41,8 @@ pub(super) struct PlannedKeyframe {
     pub(super) control: Control,
     pub(super) adaptation: Adaptation,
     pub(super) window: Window,
+    /// The window, where it was drawn again.
+    pub(super) settled: Option<Settled>,
     /// Estimate at the keyframe before, corrected.
     pub(super) last: PoseEstimate,
     /// The joint covariance of the errors, where an old place has changed it.
@@ -113,7 +116,8 @@ impl Slam {
             last,
             drift,
         } = ground;
-        let (filter, window) = self.filter_step(filter, window, &observation, report, observer)?;
+        let (filter, window, settled) =
+            self.filter_step(filter, window, &observation, report, observer)?;
         let update = CatalogueUpdate {
             missed,
             promoted,
@@ -136,6 +140,7 @@ impl Slam {
             explored,
             control: seen.control,
             window,
+            settled,
             last,
             drift,
             lost,
@@ -154,7 +159,7 @@ impl Slam {
         observation: &FrameObservation,
         report: &mut FrameReport,
         observer: &mut dyn StageObserver,
-    ) -> Result<(ParticleFilter<Particle>, Window), SlamError> {
+    ) -> Result<(ParticleFilter<Particle>, Window, Option<Settled>), SlamError> {
         let mapping = Mapping {
             rig: &self.rig,
             frozen: self.usage == MapUse::Localise,
@@ -167,7 +172,7 @@ impl Slam {
                 let Ok(()) = mapping.update_map(particle, observation);
             }
             let window = self.window_from_here(&mut filter);
-            return Ok((filter, window));
+            return Ok((filter, window, None));
         }
         let proposal = PoseProposal {
             rig: &self.rig,
@@ -202,8 +207,8 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        let window = self.redraw(&mut filter, window, observation, &mapping, report)?;
-        Ok((filter, window))
+        let (window, settled) = self.redraw(&mut filter, window, observation, &mapping, report)?;
+        Ok((filter, window, settled))
     }
 
     /// Gives all particles that have a weight the same one.

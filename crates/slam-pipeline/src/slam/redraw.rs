@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::DMatrix;
 use rbpf_core::{ParticleFilter, Purpose};
 
 use super::window::Window;
@@ -22,6 +23,14 @@ use crate::method::Evolution;
 const UNSETTLED: &str = "a local batch did not settle: its particles keep their recent path";
 /// States in which a window begins, at most.
 const ORIGINS: usize = 4;
+
+/// A window that was drawn again.
+pub(super) struct Settled {
+    /// Its first keyframe.
+    pub(super) first: u32,
+    /// Covariance of its body poses, where it settled.
+    pub(super) covariance: Option<DMatrix<f64>>,
+}
 
 impl Slam {
     /// The window that begins at this keyframe.
@@ -44,20 +53,20 @@ impl Slam {
         observation: &FrameObservation,
         mapping: &Mapping<'_>,
         report: &mut FrameReport,
-    ) -> Result<Window, SlamError> {
+    ) -> Result<(Window, Option<Settled>), SlamError> {
         let lag = self.lag();
         if lag == 0 {
-            return Ok(Window::default());
+            return Ok((Window::default(), None));
         }
         if filter.set().particles().iter().any(|p| p.origin.is_none()) {
-            return Ok(self.window_from_here(filter));
+            return Ok((self.window_from_here(filter), None));
         }
         window.steps.push(Arc::new(WindowStep {
             observation: observation.clone(),
             carrier: self.carrier(),
         }));
         if window.steps.len() < window.drawn + lag {
-            return Ok(window);
+            return Ok((window, None));
         }
         // Origins move on so that the window keeps its length, over steps that have been drawn once at least.
         let most = self.config.filter.window as usize;
@@ -94,11 +103,15 @@ impl Slam {
             report.notes.push(UNSETTLED.to_owned());
         }
         window.drawn = window.steps.len();
-        Ok(window)
+        let settled = Settled {
+            first: self.state.keyframe + 1 - window.drawn as u32,
+            covariance: redrawn.covariance,
+        };
+        Ok((window, Some(settled)))
     }
 
     /// Keyframes between new draws; zero for a method that has none.
-    fn lag(&self) -> usize {
+    pub(super) fn lag(&self) -> usize {
         match self.policies.evolution {
             Evolution::MetropolisHastings => self.config.filter.lag as usize,
             Evolution::Printed | Evolution::Off => 0,

@@ -405,6 +405,7 @@ fn deviation(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::drift::Draw;
 
     /// Two anchors whose errors are independent disagree by half of the sum of their variances; two that err alike do not.
     #[test]
@@ -412,9 +413,9 @@ mod tests {
         let noise = Matrix3::from_diagonal(&Vector3::new(4e-4, 1e-4, 0.0));
         let mut drift = Drift::keeping(16);
         let body = Se2::identity();
-        drift.push(&body, None, &noise);
-        drift.push(&body, None, &noise);
-        drift.push(&body, None, &noise);
+        drift.push(&body, None, &noise, &Draw::Final);
+        drift.push(&body, None, &noise, &Draw::Final);
+        drift.push(&body, None, &noise, &Draw::Final);
         let here = Vector2::new(1.0, 0.5);
         // Dead reckoning: keyframe 2 errs by a step more than keyframe 1.
         let apart = disagreement(&drift, &here, &[(1, 0.5), (2, 0.5)]);

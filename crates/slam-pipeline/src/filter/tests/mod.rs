@@ -10,3 +10,4 @@ mod motion;
 mod pose;
 mod redraw;
 mod revisit;
+mod window_covariance;

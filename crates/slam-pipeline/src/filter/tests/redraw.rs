@@ -23,7 +23,7 @@ use ukf::SigmaPoints;
 use super::common::*;
 
 const SIGMA_PX: f64 = 0.1;
-const STEPS: usize = 4;
+pub(super) const STEPS: usize = 4;
 const DEPTH: InverseDepthPrior = InverseDepthPrior {
     mean: 0.5,
     sigma: 0.05,
@@ -33,16 +33,16 @@ const LEFT_OF_DEPTH: f64 = 1e-3;
 
 /// A start with its first keyframe and the keyframes of a drive past twelve points: four are known as points, four are
 /// open depths anchored in the start, and four are first seen in the window.
-struct Drive {
-    rig: Rig,
-    start: Particle,
-    steps: Vec<Arc<WindowStep>>,
+pub(super) struct Drive {
+    pub(super) rig: Rig,
+    pub(super) start: Particle,
+    pub(super) steps: Vec<Arc<WindowStep>>,
     poses: Vec<CameraPose>,
     /// Parameters of the landmarks at the beginning, with the information about them that the batch uses.
     landmarks: Vec<(Landmark, Matrix3<f64>)>,
 }
 
-fn carrier() -> CarrierModel {
+pub(super) fn carrier() -> CarrierModel {
     CarrierModel {
         tilt_sigma: 2e-4,
         slope_sigma: 2e-3,
@@ -50,7 +50,7 @@ fn carrier() -> CarrierModel {
     }
 }
 
-fn mapping(rig: &Rig) -> Mapping<'_> {
+pub(super) fn mapping(rig: &Rig) -> Mapping<'_> {
     Mapping {
         rig,
         points: SigmaPoints::default(),
@@ -83,7 +83,7 @@ fn open_landmark(anchor: u32, pixel: &Vector2<f64>) -> (Landmark, Matrix3<f64>) 
     (landmark, information)
 }
 
-fn drive(seed: u64) -> Drive {
+pub(super) fn drive(seed: u64) -> Drive {
     let mut rng = rng(seed);
     let rig = rig();
     let mut start = particle(pose(0.0, 0.0, 0.2));
@@ -252,7 +252,7 @@ impl Drive {
         )
     }
 
-    fn driver<'a>(&'a self, mapping: &'a Mapping<'a>) -> SegmentDriver<'a> {
+    pub(super) fn driver<'a>(&'a self, mapping: &'a Mapping<'a>) -> SegmentDriver<'a> {
         SegmentDriver {
             rig: &self.rig,
             mapping,
@@ -273,7 +273,7 @@ impl Drive {
 }
 
 /// The particle at the end of the drive, along the true poses.
-fn driven(drive: &Drive) -> Particle {
+pub(super) fn driven(drive: &Drive) -> Particle {
     drive
         .driver(&mapping(&drive.rig))
         .drive(&drive.start, &drive.steps, &drive.poses)

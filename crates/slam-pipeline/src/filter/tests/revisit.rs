@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use rbpf_core::PersistentPath;
 
 use super::common::{normal, particle, place, pose, rng};
-use crate::filter::drift::{Drift, Support, transport};
+use crate::filter::drift::{Draw, Drift, Support, transport};
 use crate::filter::particle::{Keyframe, Particle};
 use crate::filter::path_correction::PathCorrection;
 use crate::filter::revisit::Revisit;
@@ -47,7 +47,7 @@ fn dead_reckoning(positions: &[Vector2<f64>]) -> (Drift, DMatrix<f64>) {
     let mut drift = Drift::keeping(WINDOW as u32);
     let mut joint = DMatrix::zeros(3 * n, 3 * n);
     for (t, p) in positions.iter().enumerate() {
-        drift.push(&body(p), None, &step_noise());
+        drift.push(&body(p), None, &step_noise(), &Draw::Final);
         if t == 0 {
             continue;
         }
@@ -157,7 +157,7 @@ fn the_errors_of_a_known_map_are_those_of_the_run_that_made_it() {
     }
     let mut loaded = loaded;
     let last = positions[positions.len() - 1];
-    let next = loaded.push(&body(&last), None, &step_noise());
+    let next = loaded.push(&body(&last), None, &step_noise(), &Draw::Final);
     let before = drift.covariance_of(positions.len() as u32 - 1, &last);
     assert!((next - before - step_noise()).amax() < 1e-12);
 }
@@ -194,7 +194,7 @@ fn a_rigid_error_leaves_every_pixel_where_it_was() {
         } else {
             Matrix3::zeros()
         };
-        drift.push(&body, None, &noise);
+        drift.push(&body, None, &noise, &Draw::Final);
         bodies.push(body);
     }
     let at_first = Vector2::new(bodies[1].x, bodies[1].y);
@@ -253,9 +253,9 @@ fn regress_an_old_place_is_known_no_better_than_when_it_was_mapped() {
     let none = Matrix3::zeros();
     let reported = Matrix3::from_diagonal(&Vector3::new(9e-4, 4e-4, 1e-5));
     let mut drift = Drift::keeping(WINDOW as u32);
-    drift.push(&body(&positions[0]), None, &none);
+    drift.push(&body(&positions[0]), None, &none, &Draw::Final);
     for p in &positions[1..] {
-        drift.push(&body(p), None, &none);
+        drift.push(&body(p), None, &none, &Draw::Final);
         drift.note_reported(&reported);
     }
     let leaning = Support {
@@ -265,7 +265,7 @@ fn regress_an_old_place_is_known_no_better_than_when_it_was_mapped() {
         ]),
         covariance: none,
     };
-    let again = drift.push(&body(&positions[20]), Some(&leaning), &none);
+    let again = drift.push(&body(&positions[20]), Some(&leaning), &none, &Draw::Final);
     assert!(
         again[(0, 0)] > 0.9 * reported[(0, 0)] && again[(0, 0)] < 1.2 * reported[(0, 0)],
         "{again}"
