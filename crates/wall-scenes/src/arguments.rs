@@ -33,6 +33,7 @@ scene --out SEQ [--kind wall|room] [--seed S] [--frames N] [--noise-px LEVELS]
       [--blocked FROM:TO]            a covered lens in these frames: one dim tone with noise
       [--shutter SECONDS]            time of an exposure, about the time of the image: motion blur (0)
       [--walker]                     a person-sized block walks between the robot and the walls
+      [--fisheye PX]                 an equidistant fisheye of this focal length instead of the paper's camera
       [--mount-yaw RAD]              error of the mount in camera.toml
       [--focal RATIO]                relative error of the focal length in camera.toml
 board --out DIR [--count N] [--seed S] [--width PX] [--noise LEVELS]
@@ -93,7 +94,7 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
     let (mut carrier, mut calibration) = (Carrier::IDEAL, CalibrationError::default());
     let mut frame_rate = FrameRate::ONE;
     let (mut stops, mut soak, mut twin_posters) = (Stops::default(), false, false);
-    let mut mishaps = Mishaps::default();
+    let (mut mishaps, mut fisheye_px) = (Mishaps::default(), None);
     while let Some(argument) = parser.next()? {
         match argument {
             Long("out") => out = Some(PathBuf::from(parser.value()?)),
@@ -123,6 +124,7 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
             Long("blocked") => mishaps.blocked = Some(span("blocked", parser)?),
             Long("shutter") => mishaps.shutter_s = parser.value()?.parse()?,
             Long("walker") => mishaps.walker = true,
+            Long("fisheye") => fisheye_px = Some(parser.value()?.parse()?),
             Long("mount-yaw") => calibration.mount_yaw_rad = parser.value()?.parse()?,
             Long("focal") => calibration.focal_ratio = parser.value()?.parse()?,
             Long("help") | Short('h') => return Ok(Command::Help),
@@ -144,6 +146,7 @@ fn scene(parser: &mut lexopt::Parser) -> Result<Command, lexopt::Error> {
     }
     spec.twin_posters = twin_posters;
     spec.mishaps = mishaps;
+    spec.fisheye_px = fisheye_px;
     spec.frames = frames.unwrap_or(spec.frames);
     require(laps.is_none() || spec.kind == SceneKind::Room, || {
         "--laps needs --kind room".into()
@@ -317,6 +320,17 @@ mod tests {
                 spec
             }
         );
+        let fisheye = SceneSpec {
+            fisheye_px: Some(150.5),
+            ..SceneSpec::wall(1)
+        };
+        assert_eq!(
+            read("scene --out a --fisheye 150.5").unwrap(),
+            Command::Scene {
+                out: "a".into(),
+                spec: fisheye
+            }
+        );
         assert_eq!(
             read("scene --out a --kind room --soak --seed 4").unwrap(),
             Command::Scene {
@@ -359,6 +373,7 @@ mod tests {
             ("scene --out x --frame-rate 0", "--frame-rate"),
             ("scene --out x --slope 3", "slope"),
             ("scene --out x --focal nan", "focal"),
+            ("scene --out x --fisheye 20", "fisheye"),
             ("board", "--out"),
             ("board --out b --count 0", "--count"),
             ("board --out b --width 20", "--width"),

@@ -2,7 +2,9 @@
 //!
 //! The images are rendered with the true camera; only what `camera.toml` says departs from it.
 
-use crate::camera::{CX, CY, FX, FY, HEIGHT, POSITION_IN_BODY, ROTATION_BODY_FROM_CAMERA, WIDTH};
+use crate::camera::{
+    CX, CY, FX, FY, HEIGHT, Lens, POSITION_IN_BODY, ROTATION_BODY_FROM_CAMERA, WIDTH,
+};
 use mono_geometry::{Mount, Pinhole, Se3};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -19,12 +21,16 @@ pub struct CalibrationError {
 
 impl CalibrationError {
     /// The stated intrinsics.
-    pub(crate) fn pinhole(&self) -> Pinhole {
+    pub(crate) fn pinhole(&self, lens: Lens) -> Pinhole {
+        let (fx, fy) = match lens {
+            Lens::Pinhole => (FX, FY),
+            Lens::Equidistant(focal) => (focal, focal),
+        };
         Pinhole {
             width: WIDTH,
             height: HEIGHT,
-            fx: FX * (1.0 + self.focal_ratio),
-            fy: FY * (1.0 + self.focal_ratio),
+            fx: fx * (1.0 + self.focal_ratio),
+            fy: fy * (1.0 + self.focal_ratio),
             cx: CX,
             cy: CY,
         }
@@ -58,8 +64,8 @@ mod tests {
             mount_yaw_rad: 0.005,
             focal_ratio: -0.005,
         };
-        assert!((wrong.pinhole().fx / FX - 0.995).abs() < 1e-12);
-        assert!((wrong.pinhole().fy / FY - 0.995).abs() < 1e-12);
+        assert!((wrong.pinhole(Lens::Pinhole).fx / FX - 0.995).abs() < 1e-12);
+        assert!((wrong.pinhole(Lens::Pinhole).fy / FY - 0.995).abs() < 1e-12);
         let forward = |mount: Mount| mount.body_from_camera.rotation * Vector3::z();
         let (truth, stated) = (
             forward(CalibrationError::default().mount()),

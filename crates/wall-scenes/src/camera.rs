@@ -79,12 +79,51 @@ pub(crate) fn world_from_camera(body: &Se2, attitude: &Attitude) -> Isometry3<f6
     world_from_body * body_from_camera()
 }
 
-/// Pixel of a point in camera axes; `None` when it is not in front.
-pub(crate) fn project(point: &Point3<f64>) -> Option<[f64; 2]> {
-    (point.z > NEAREST_M).then(|| [FX * point.x / point.z + CX, FY * point.y / point.z + CY])
+/// How directions become pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Lens {
+    /// Table I: in proportion to the tangent of the angle off the axis.
+    Pinhole,
+    /// An equidistant fisheye of this focal length in pixels: in proportion to the angle itself.
+    Equidistant(f64),
 }
 
-/// Direction in camera axes seen at a pixel, scaled to unit depth (z = 1).
+impl Lens {
+    /// Pixel of a point in camera axes; `None` when it is not in front.
+    pub(crate) fn project(self, point: &Point3<f64>) -> Option<[f64; 2]> {
+        (point.z > NEAREST_M).then(|| match self {
+            Self::Pinhole => [FX * point.x / point.z + CX, FY * point.y / point.z + CY],
+            Self::Equidistant(focal) => {
+                let off_axis = point.x.hypot(point.y);
+                let ratio = if off_axis > 0.0 {
+                    focal * off_axis.atan2(point.z) / off_axis
+                } else {
+                    0.0
+                };
+                [ratio * point.x + CX, ratio * point.y + CY]
+            }
+        })
+    }
+
+    /// Direction in camera axes seen at a pixel, scaled to unit depth (z = 1).
+    pub(crate) fn ray(self, u: f64, v: f64) -> Vector3<f64> {
+        match self {
+            Self::Pinhole => ray(u, v),
+            Self::Equidistant(focal) => {
+                let (x, y) = (u - CX, v - CY);
+                let radius = x.hypot(y);
+                let ratio = if radius > 0.0 {
+                    (radius / focal).tan() / radius
+                } else {
+                    1.0 / focal
+                };
+                Vector3::new(ratio * x, ratio * y, 1.0)
+            }
+        }
+    }
+}
+
+/// Direction in camera axes that the pinhole sees at a pixel, scaled to unit depth (z = 1).
 pub(crate) fn ray(u: f64, v: f64) -> Vector3<f64> {
     Vector3::new((u - CX) / FX, (v - CY) / FY, 1.0)
 }
@@ -108,8 +147,9 @@ mod tests {
         };
         let [x, y, z] = POSITION_IN_BODY;
         let point = Point3::new(x + 0.5, y + 2.0, z + 0.25);
-        let [u, v] =
-            project(&(world_from_camera(&body, &Attitude::LEVEL).inverse() * point)).unwrap();
+        let [u, v] = Lens::Pinhole
+            .project(&(world_from_camera(&body, &Attitude::LEVEL).inverse() * point))
+            .unwrap();
         assert!((u - (CX + FX * 0.25)).abs() < 1e-9, "{u}");
         assert!((v - (CY - FY * 0.125)).abs() < 1e-9, "{v}");
     }
@@ -154,10 +194,23 @@ mod tests {
 
     #[test]
     fn ray_and_projection_are_inverse() {
-        for (u, v) in [(0.0, 0.0), (319.0, 239.0), (12.5, 200.25)] {
-            let [pu, pv] = project(&Point3::from(ray(u, v) * 1.7)).unwrap();
-            assert!((pu - u).abs() < 1e-10 && (pv - v).abs() < 1e-10);
+        for lens in [Lens::Pinhole, Lens::Equidistant(150.0)] {
+            for (u, v) in [(0.0, 0.0), (319.0, 239.0), (12.5, 200.25), (CX, CY)] {
+                let [pu, pv] = lens.project(&Point3::from(lens.ray(u, v) * 1.7)).unwrap();
+                assert!((pu - u).abs() < 1e-10 && (pv - v).abs() < 1e-10);
+            }
+            assert!(lens.project(&Point3::new(0.0, 0.0, -1.0)).is_none());
         }
-        assert!(project(&Point3::new(0.0, 0.0, -1.0)).is_none());
+    }
+
+    #[test]
+    fn a_fisheye_spends_as_many_pixels_on_every_degree() {
+        let lens = Lens::Equidistant(150.0);
+        for degrees in [1.0, 30.0, 60.0] {
+            let angle = f64::to_radians(degrees);
+            let seen = Point3::new(angle.sin(), 0.0, angle.cos());
+            let [u, v] = lens.project(&seen).unwrap();
+            assert!((u - CX - 150.0 * angle).abs() < 1e-10 && v == CY);
+        }
     }
 }

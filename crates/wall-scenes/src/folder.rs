@@ -5,7 +5,7 @@
 //! world) and `scene.json`, from which [`Scene::read`] builds the same scene again.
 //! Each file is written under a temporary name and renamed.
 
-use crate::camera::{CX, CY, HEIGHT, POSITION_IN_BODY, WIDTH};
+use crate::camera::{CX, CY, HEIGHT, Lens, POSITION_IN_BODY, WIDTH};
 use crate::error::SceneError;
 use crate::files::{create_folder, read_file, write_file};
 use crate::image::CompressionType;
@@ -147,6 +147,13 @@ impl Scene {
     fn camera_toml(&self) -> String {
         let (pinhole, mount) = self.stated_calibration();
         let (fx, fy) = (pinhole.fx, pinhole.fy);
+        let lens = match self.spec().lens() {
+            Lens::Pinhole => "",
+            Lens::Equidistant(_) => {
+                "\n[distortion]   # equidistant: the radius is the focal length times the angle\n\
+                 model = \"kannala-brandt\"\nk1 = 0.0\nk2 = 0.0\nk3 = 0.0\nk4 = 0.0\n"
+            }
+        };
         let axes = mount.body_from_camera.rotation.matrix();
         let [r0, r1, r2] = [0, 1, 2].map(|row| [0, 1, 2].map(|column| axes[(row, column)]));
         format!(
@@ -156,7 +163,7 @@ impl Scene {
              [mount]   # pose of the camera in the robot body; body axes x forward, y left, z up\n\
              position_in_body = {POSITION_IN_BODY:?}   # metres\n\
              # columns: camera x (right), y (down), z (forward) in body axes; it looks to the left\n\
-             rotation_body_from_camera = [{r0:?}, {r1:?}, {r2:?}]\n"
+             rotation_body_from_camera = [{r0:?}, {r1:?}, {r2:?}]\n{lens}"
         )
     }
 }

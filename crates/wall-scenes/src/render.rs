@@ -5,7 +5,7 @@
 //! `noise_px`^2 (1/3 + 2/3 I / 128) (read plus shot noise; I in grey levels), rounding to 8 bits.
 //! Rows of a frame and frames are independent; the noise of frame k is stream k.
 
-use crate::camera::{CX, CY, HEIGHT, WIDTH, ray};
+use crate::camera::{CX, CY, HEIGHT, Lens, WIDTH, ray};
 use crate::facet::{Facet, nearest};
 use crate::image::GreyImage;
 use crate::mishaps::FrameSpan;
@@ -102,7 +102,8 @@ impl Scene {
         pose: &Isometry3<f64>,
         rays: usize,
     ) -> Vec<f32> {
-        let index = ScreenIndex::new(facets, pose);
+        let lens = self.spec.lens();
+        let index = ScreenIndex::new(facets, pose, lens);
         let origin = Point3::from(pose.translation.vector);
         let across: Vector3<f64> = pose * (ray(1.0, 0.0) - ray(0.0, 0.0));
         let offset = |k: usize| (k as f64 + 0.5) / rays as f64 - 0.5;
@@ -115,9 +116,15 @@ impl Scene {
                     let candidates = index.at(column, row);
                     let mut sum = 0.0;
                     for j in 0..rays {
-                        let start = pose * ray(column as f64, row as f64 + offset(j));
+                        let v = row as f64 + offset(j);
+                        let start = pose * ray(column as f64, v);
                         for i in 0..rays {
-                            let direction = start + across * offset(i);
+                            let direction = match lens {
+                                Lens::Pinhole => start + across * offset(i),
+                                Lens::Equidistant(_) => {
+                                    pose * lens.ray(column as f64 + offset(i), v)
+                                }
+                            };
                             let listed = candidates.iter().map(|&k| k as usize);
                             if let Some(hit) = nearest(facets, listed, &origin, &direction) {
                                 let point = origin + direction * hit.distance;

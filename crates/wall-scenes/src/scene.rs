@@ -3,7 +3,7 @@
 //! World axes: x forward along the first heading, y left, z up; the origin is the first body pose, on the floor.
 
 use crate::calibration::CalibrationError;
-use crate::camera;
+use crate::camera::{self, Lens};
 use crate::error::SceneError;
 use crate::facet::{Facet, nearest};
 use crate::layout::{course, furniture, walk};
@@ -107,10 +107,10 @@ impl Scene {
         &self.odometry
     }
 
-    /// The true camera of all scenes: Table I of the paper, without distortion.
+    /// The true camera of all scenes without a fisheye: Table I of the paper, without distortion.
     #[must_use]
     pub fn pinhole() -> Pinhole {
-        CalibrationError::default().pinhole()
+        CalibrationError::default().pinhole(Lens::Pinhole)
     }
 
     /// The true pose of the camera in the body, which looks to the left.
@@ -119,11 +119,12 @@ impl Scene {
         CalibrationError::default().mount()
     }
 
-    /// Camera and mount as the sequence's `camera.toml` states them, with the errors of the specification.
+    /// Camera and mount as the sequence's `camera.toml` states them, with the errors of the specification; the camera without
+    /// the lens of a fisheye.
     #[must_use]
     pub fn stated_calibration(&self) -> (Pinhole, Mount) {
         let calibration = &self.spec.calibration;
-        (calibration.pinhole(), calibration.mount())
+        (calibration.pinhole(self.spec.lens()), calibration.mount())
     }
 
     /// The odometry between an image and the one before it as (seconds, row), rows clipped to the interval; nothing
@@ -189,7 +190,7 @@ impl Scene {
             &facets,
             0..facets.len(),
             &origin,
-            &(pose * camera::ray(u, v)),
+            &(pose * self.spec.lens().ray(u, v)),
         )
         .map(|hit| hit.distance)
     }
@@ -210,7 +211,7 @@ impl Scene {
     /// When `frame` is not below the number of frames.
     pub fn point_at(&self, frame: usize, u: f64, v: f64) -> Option<Point3<f64>> {
         let depth = self.depth_at(frame, u, v)?;
-        Some(self.world_from_camera(frame) * Point3::from(camera::ray(u, v) * depth))
+        Some(self.world_from_camera(frame) * Point3::from(self.spec.lens().ray(u, v) * depth))
     }
 
     /// Pixel at which a frame would see a world point if nothing hid it; `None`
@@ -220,27 +221,35 @@ impl Scene {
     /// When `frame` is not below the number of frames.
     pub fn project(&self, frame: usize, point: &Point3<f64>) -> Option<[f64; 2]> {
         let seen = self.world_from_camera(frame).inverse() * point;
-        camera::project(&seen).filter(|&[u, v]| camera::on_image(u, v))
+        self.spec
+            .lens()
+            .project(&seen)
+            .filter(|&[u, v]| camera::on_image(u, v))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{HEIGHT, WIDTH, ray};
+    use crate::camera::{HEIGHT, WIDTH};
     use crate::screen::ScreenIndex;
 
     #[test]
     fn screen_index_misses_no_facet() {
-        for spec in [SceneSpec::wall(3), SceneSpec::room(3)] {
+        let fisheye = SceneSpec {
+            fisheye_px: Some(140.0),
+            ..SceneSpec::room(4)
+        };
+        for spec in [SceneSpec::wall(3), SceneSpec::room(3), fisheye] {
+            let lens = spec.lens();
             let scene = Scene::new(spec).unwrap();
             for frame in [0, 17, 25] {
                 let pose = scene.world_from_camera(frame);
-                let index = ScreenIndex::new(&scene.world.facets, &pose);
+                let index = ScreenIndex::new(&scene.world.facets, &pose, lens);
                 let eye = Point3::from(pose.translation.vector);
                 for k in 0..2000 {
                     let (column, row) = (k * 7919 % WIDTH, k * 104_729 % HEIGHT);
-                    let direction = pose * ray(column as f64 + 0.37, row as f64 - 0.44);
+                    let direction = pose * lens.ray(column as f64 + 0.37, row as f64 - 0.44);
                     let facets = &scene.world.facets;
                     let candidates = index.at(column, row).iter().map(|&k| k as usize);
                     let fast = nearest(facets, candidates, &eye, &direction);

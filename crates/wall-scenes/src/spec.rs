@@ -1,6 +1,7 @@
 //! The specification of a sequence: the experiment, its seed, its length and its noise.
 
 use crate::calibration::CalibrationError;
+use crate::camera::Lens;
 use crate::carrier::Carrier;
 use crate::error::SceneError;
 use crate::mishaps::{FrameSpan, Mishaps};
@@ -59,6 +60,9 @@ pub struct SceneSpec {
     /// Things that happen to the robot and its camera.
     #[serde(default, skip_serializing_if = "is_default")]
     pub mishaps: Mishaps,
+    /// Focal length in pixels of an equidistant fisheye in place of the paper's camera; none for that.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub fisheye_px: Option<f64>,
 }
 
 fn one() -> usize {
@@ -89,6 +93,7 @@ impl SceneSpec {
             stops: Stops::default(),
             twin_posters: false,
             mishaps: Mishaps::default(),
+            fisheye_px: None,
         }
     }
 
@@ -141,6 +146,11 @@ impl SceneSpec {
         }
     }
 
+    /// What is in front of the sensor.
+    pub(crate) fn lens(&self) -> Lens {
+        self.fisheye_px.map_or(Lens::Pinhole, Lens::Equidistant)
+    }
+
     /// Everything out of the ordinary in the drive, a sentence each.
     pub(crate) fn told(&self) -> Vec<String> {
         let mut told = Vec::new();
@@ -188,6 +198,13 @@ impl SceneSpec {
             ("wheel radius error", carrier.wheel_radius_ratio, -0.5, 0.5),
             ("mount yaw error", calibration.mount_yaw_rad, -0.2, 0.2),
             ("focal error", calibration.focal_ratio, -0.2, 0.2),
+            // The corners see 82 degrees off the axis at the shortest.
+            (
+                "focal length of a fisheye",
+                self.fisheye_px.unwrap_or(160.0),
+                140.0,
+                1000.0,
+            ),
         ] {
             if !(low..=high).contains(&given) {
                 return Err(SceneError::OutOfRange {

@@ -14,8 +14,14 @@ fn small(kind: SceneKind, seed: u64) -> Scene {
 
 #[test]
 fn a_point_seen_in_one_frame_is_seen_in_the_next_unless_hidden() {
-    for kind in [SceneKind::Wall, SceneKind::Room] {
-        let scene = small(kind, 7);
+    let fisheye = Scene::new(SceneSpec {
+        frames: 12,
+        fisheye_px: Some(330.0),
+        ..SceneSpec::room(7)
+    })
+    .unwrap();
+    let (wall, room) = (small(SceneKind::Wall, 7), small(SceneKind::Room, 7));
+    for (kind, scene) in [("wall", wall), ("room", room), ("fisheye", fisheye)] {
         let (mut seen, mut hidden) = (0, 0);
         for k in 0..600_u32 {
             let (u, v) = (
@@ -44,9 +50,44 @@ fn a_point_seen_in_one_frame_is_seen_in_the_next_unless_hidden() {
         }
         assert!(
             seen > 10 * hidden && seen > 300,
-            "{kind:?}: {seen} seen, {hidden} hidden"
+            "{kind}: {seen} seen, {hidden} hidden"
         );
     }
+}
+
+/// Where the rays of the pinhole meet the scene, the fisheye shows the same brightness, and at the same pixel another.
+#[test]
+fn a_fisheye_shows_the_scene_where_it_projects_it() {
+    let spec = SceneSpec {
+        frames: 4,
+        noise_px: 0.0,
+        ..SceneSpec::room(5)
+    };
+    let pinhole = Scene::new(spec).unwrap();
+    let fisheye = Scene::new(SceneSpec {
+        fisheye_px: Some(369.0),
+        ..spec
+    })
+    .unwrap();
+    let skins = pinhole.skins();
+    let (plain, bent) = (pinhole.render(&skins, 2), fisheye.render(&skins, 2));
+    let at = |pixels: &[u8], u: f64, v: f64| f64::from(pixels[v as usize * 320 + u as usize]);
+    let (mut projected, mut same, mut count) = (0.0, 0.0, 0.0);
+    // Towards the rim, where the two pictures are up to ten pixels apart.
+    for v in (4..236).step_by(3) {
+        for u in (4..60).step_by(3) {
+            let (u, v) = (f64::from(u), f64::from(v));
+            let point = pinhole.point_at(2, u, v).unwrap();
+            let [bu, bv] = fisheye.project(2, &point).unwrap();
+            let seen = at(&plain.pixels, u, v);
+            projected += (at(&bent.pixels, bu.round(), bv.round()) - seen).abs();
+            same += (at(&bent.pixels, u, v) - seen).abs();
+            count += 1.0;
+        }
+    }
+    // Half a pixel of rounding, and the light that the corners lose.
+    let (projected, same) = (projected / count, same / count);
+    assert!(projected < 0.25 * same, "{projected} against {same}");
 }
 
 #[test]
