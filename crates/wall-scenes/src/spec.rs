@@ -146,7 +146,7 @@ impl SceneSpec {
         }
     }
 
-    /// What is in front of the sensor.
+    /// The lens in front of the sensor.
     pub(crate) fn lens(&self) -> Lens {
         self.fisheye_px.map_or(Lens::Pinhole, Lens::Equidistant)
     }

@@ -209,7 +209,7 @@ pub fn first_sighting(
 }
 
 /// [`first_sighting`] at a pixel of any covariance (2x2, pixels squared), such as one behind a lens has
-/// ([`crate::Camera::undistort_with_covariance`]). O(1).
+/// ([`crate::Camera::undistort_with_covariance`]); of one that is round, the same bit for bit. O(1).
 #[must_use]
 pub fn first_sighting_with_covariance(
     pinhole: &Pinhole,
@@ -219,10 +219,12 @@ pub fn first_sighting_with_covariance(
     sigma_rho: f64,
 ) -> (Vector3<f64>, Matrix3<f64>) {
     let (mean, mut covariance) = first_sighting(pinhole, pixel_ideal, 0.0, rho, sigma_rho);
-    let inverse = Matrix2::from_diagonal(&Vector2::new(1.0 / pinhole.fx, 1.0 / pinhole.fy));
+    let x = covariance_px2[(0, 0)].sqrt() / pinhole.fx;
+    let y = covariance_px2[(1, 1)].sqrt() / pinhole.fy;
+    let across = covariance_px2[(1, 0)] / (pinhole.fx * pinhole.fy);
     covariance
         .fixed_view_mut::<2, 2>(0, 0)
-        .copy_from(&(inverse * covariance_px2 * inverse));
+        .copy_from(&Matrix2::new(x * x, across, across, y * y));
     (mean, covariance)
 }
 

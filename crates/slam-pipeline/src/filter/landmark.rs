@@ -6,9 +6,11 @@
 //! [`mono_geometry::inverse_depth`].
 
 use mono_geometry::Pinhole;
-use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting};
+use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting_with_covariance};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+
+use super::pixel_noise::PixelNoise;
 
 /// How the three numbers of a landmark are read.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -75,16 +77,22 @@ impl InverseDepthPrior {
 }
 
 impl Landmark {
-    /// A landmark of unknown depth, seen at `pixel` in keyframe `anchor` with pixel noise `sigma_px`.
+    /// A landmark of unknown depth, seen at `pixel` in keyframe `anchor` with this noise.
     #[must_use]
     pub(crate) fn from_first_sighting(
         pinhole: &Pinhole,
         anchor: u32,
         pixel: &Vector2<f64>,
-        sigma_px: f64,
+        noise: &PixelNoise,
         depth: InverseDepthPrior,
     ) -> Self {
-        let (mean, covariance) = first_sighting(pinhole, pixel, sigma_px, depth.mean, depth.sigma);
+        let (mean, covariance) = first_sighting_with_covariance(
+            pinhole,
+            pixel,
+            noise.covariance(),
+            depth.mean,
+            depth.sigma,
+        );
         Self {
             parametrisation: Parametrisation::InverseDepth { anchor },
             mean,

@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Matrix3x2, Vector2, Vector3};
 
 use super::landmark::Landmark;
 use super::landmark_moments::{AxisPoints, Lower3, pixel_moments};
+use super::pixel_noise::PixelNoise;
 
 /// Gate on the normalised innovation squared, which one in 10 000 good measurements exceeds (2 degrees of freedom).
 const GATE: f64 = 18.4;
@@ -47,11 +48,11 @@ impl LandmarkUpdate<'_> {
         view: &LandmarkView,
         prototype: &Landmark,
         pixel: &Vector2<f64>,
-        variance_px2: f64,
+        noise: &PixelNoise,
     ) -> Option<Landmark> {
         let mut wide = *prototype;
         wide.covariance[(2, 2)] *= PRIOR_WIDENING * PRIOR_WIDENING;
-        self.update(view, &wide, pixel, variance_px2)
+        self.update(view, &wide, pixel, noise)
     }
 
     /// The landmark after one measurement in the camera of `view`; `None` when a sigma point is not
@@ -62,9 +63,10 @@ impl LandmarkUpdate<'_> {
         view: &LandmarkView,
         landmark: &Landmark,
         pixel: &Vector2<f64>,
-        variance_px2: f64,
+        noise: &PixelNoise,
     ) -> Option<Landmark> {
         let (mean, covariance) = (landmark.mean, landmark.covariance);
+        let noise = noise.covariance();
         let (mut about, mut lower, iterations);
         if landmark.depth_openness() > OPEN_DEPTH {
             let (start, diagonal) = self.start(view, landmark, pixel);
@@ -83,9 +85,9 @@ impl LandmarkUpdate<'_> {
             let cross: Matrix3x2<f64> = covariance * moments.slope.transpose();
             let of_prior = moments.slope * cross;
             let (a, b, c) = (
-                of_prior[(0, 0)] + moments.rest[(0, 0)] + variance_px2,
-                of_prior[(1, 0)] + moments.rest[(1, 0)],
-                of_prior[(1, 1)] + moments.rest[(1, 1)] + variance_px2,
+                of_prior[(0, 0)] + moments.rest[(0, 0)] + noise[(0, 0)],
+                of_prior[(1, 0)] + moments.rest[(1, 0)] + noise[(1, 0)],
+                of_prior[(1, 1)] + moments.rest[(1, 1)] + noise[(1, 1)],
             );
             let determinant = a * c - b * b;
             let definite = a > 0.0 && determinant > 0.0;

@@ -92,8 +92,7 @@ impl View<'_> {
             return wrong.ln();
         };
         let innovation = m.pixel - predicted;
-        let s =
-            projected_covariance(&jacobian, &m.covariance) + Matrix2::identity() * m.variance_px2;
+        let s = projected_covariance(&jacobian, &m.covariance) + m.noise.covariance();
         let density = if across_only {
             let normal = across_epipolar(&jacobian);
             let variance = (normal.transpose() * s * normal)[(0, 0)];

@@ -317,7 +317,7 @@ impl PoseLinearisation {
         }
         let noise = error
             + projected_covariance(&jacobian, &prepared.covariance)
-            + Matrix2::identity() * prepared.variance_px2;
+            + prepared.noise.covariance();
         Some(Line {
             mean: base + Vector2::new(pinhole.cx, pinhole.cy) + mean,
             slope,

@@ -9,7 +9,7 @@ use core::convert::Infallible;
 
 use mono_geometry::inverse_depth::LandmarkView;
 use mono_geometry::triangulation::{Acceptance, Observation, triangulate};
-use mono_geometry::{NoiseShape, Pinhole, PlacedCamera, Se3};
+use mono_geometry::{Pinhole, PlacedCamera, Se3};
 use nalgebra::{Rotation3, Vector2};
 use rbpf_core::MapUpdate;
 use ukf::SigmaPoints;
@@ -20,6 +20,7 @@ use super::landmark_update::LandmarkUpdate;
 use super::motion::MotionPrior;
 use super::observation::{FrameObservation, Initialisation};
 use super::particle::{Keyframe, Particle};
+use super::pixel_noise::PixelNoise;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 
@@ -97,11 +98,11 @@ impl Mapping<'_> {
                 }
             };
             last = Some((anchor, view));
-            let (pixel, variance) = (&m.pixel, m.variance_px2);
+            let (pixel, noise) = (&m.pixel, &m.noise);
             let updated = if known.is_some() {
-                update.update(&view, &landmark, pixel, variance)
+                update.update(&view, &landmark, pixel, noise)
             } else {
-                update.first(&view, &landmark, pixel, variance)
+                update.first(&view, &landmark, pixel, noise)
             };
             match updated {
                 Some(updated) => particle.map.insert(m.id, updated),
@@ -131,18 +132,24 @@ pub(crate) fn two_view(
 ) -> Option<Landmark> {
     let first = particle.path.get(new.first.keyframe as usize)?.camera;
     let second = particle.path.last()?.camera;
-    let view = |camera: &PlacedCamera, pixel: Vector2<f64>| Observation {
-        camera_from_world: Se3::new(
-            Rotation3::from_matrix_unchecked(camera.camera_from_world),
-            -(camera.camera_from_world * camera.centre),
-        ),
-        pixel_ideal: pixel,
-        sigma_px: new.sigma_px,
-        shape: NoiseShape::ROUND,
+    let view = |camera: &PlacedCamera, pixel: Vector2<f64>, noise: &PixelNoise| {
+        let (sigma_px, shape) = noise.sigma_and_shape();
+        Observation {
+            camera_from_world: Se3::new(
+                Rotation3::from_matrix_unchecked(camera.camera_from_world),
+                -(camera.camera_from_world * camera.centre),
+            ),
+            pixel_ideal: pixel,
+            sigma_px,
+            shape,
+        }
     };
     let solution = triangulate(
         pinhole,
-        &[view(&first, new.first.pixel), view(&second, new.second)],
+        &[
+            view(&first, new.first.pixel, &new.noise[0]),
+            view(&second, new.second, &new.noise[1]),
+        ],
         // The parallax was judged once for all particles, in the reference.
         &Acceptance {
             min_parallax_rad: 0.0,

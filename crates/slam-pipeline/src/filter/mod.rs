@@ -2,7 +2,7 @@
 //!
 //! Reading order: [`pose`] (the sampled camera pose), [`landmark`] (anchored inverse depth or point), [`motion`] (the
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
-//! [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
+//! [`pixel_noise`] and [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
 //! [`proposal`], [`evolution`], [`landmark_moments`], [`landmark_update`], [`mapping`], [`segment`], [`window_landmarks`],
 //! [`window_equations`], [`window_settling`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`], [`revisit`],
 //! [`path_correction`].
@@ -24,6 +24,7 @@ pub(crate) mod motion;
 pub(crate) mod observation;
 pub(crate) mod particle;
 pub(crate) mod path_correction;
+pub(crate) mod pixel_noise;
 pub(crate) mod pose;
 pub(crate) mod proposal;
 pub(crate) mod redraw;

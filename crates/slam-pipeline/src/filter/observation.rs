@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::landmark::Landmark;
 use super::particle::Particle;
+use super::pixel_noise::PixelNoise;
 use crate::odometry::Control;
 
 /// How a match enters the pose: decided once for all particles, so that their
@@ -29,8 +30,8 @@ pub(crate) struct MatchedFeature {
     pub(crate) id: u32,
     /// Measured pixel, undistorted.
     pub(crate) pixel: Vector2<f64>,
-    /// Variance of each pixel coordinate.
-    pub(crate) variance_px2: f64,
+    /// Its noise.
+    pub(crate) noise: PixelNoise,
     /// How it enters the pose.
     pub(crate) scoring: Scoring,
     /// The landmark before its second sighting, the same in every particle;
@@ -56,8 +57,8 @@ pub(crate) struct Initialisation {
     pub(crate) first: Sighting,
     /// Ideal pixel in this frame.
     pub(crate) second: Vector2<f64>,
-    /// Pixel noise.
-    pub(crate) sigma_px: f64,
+    /// Noises of the two pixels.
+    pub(crate) noise: [PixelNoise; 2],
 }
 
 /// Everything a filter step needs from one frame.
@@ -84,8 +85,8 @@ pub(crate) struct Prepared {
     pub(crate) covariance: Matrix3<f64>,
     /// Measured pixel.
     pub(crate) pixel: Vector2<f64>,
-    /// Its variance.
-    pub(crate) variance_px2: f64,
+    /// Its noise.
+    pub(crate) noise: PixelNoise,
     /// How it enters the pose.
     pub(crate) scoring: Scoring,
 }
@@ -128,7 +129,7 @@ impl FrameObservation {
                     mean: landmark.mean,
                     covariance: landmark.covariance,
                     pixel: m.pixel,
-                    variance_px2: m.variance_px2,
+                    noise: m.noise,
                     scoring: m.scoring,
                 })
             })

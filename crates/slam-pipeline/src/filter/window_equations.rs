@@ -231,20 +231,22 @@ impl WindowProblem<'_> {
                 cost += UNSEEN_COST;
                 continue;
             };
-            let by_landmark = geometry.parameter_jacobian(pinhole, &node.camera, mean)?;
-            let residual = sighting.pixel - predicted;
+            let whitening = &sighting.whitening;
+            let by_landmark =
+                whitening.rows(geometry.parameter_jacobian(pinhole, &node.camera, mean)?);
+            let residual = whitening.rows(sighting.pixel - predicted);
             let (weight, part) = sighting.weigh(residual.norm());
             cost += part;
             let direction = ray.base + (ray.origin - node.camera.centre) * ray.rate;
             let q = node.camera.camera_from_world * direction;
-            let by_direction = SMatrix::<f64, 2, 3>::new(
+            let by_direction = whitening.rows(SMatrix::<f64, 2, 3>::new(
                 pinhole.fx / q.z,
                 0.0,
                 -pinhole.fx * q.x / (q.z * q.z),
                 0.0,
                 pinhole.fy / q.z,
                 -pinhole.fy * q.y / (q.z * q.z),
-            ) * node.camera.camera_from_world;
+            )) * node.camera.camera_from_world;
             let mut poses: Vec<(usize, PoseJacobian)> = Vec::with_capacity(2);
             if let Some((k, rates)) = node.unknown {
                 let mut j = PoseJacobian::zeros();

@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::landmark::{InverseDepthPrior, Landmark, Parametrisation};
 use super::particle::Particle;
+use super::pixel_noise::Whitening;
 use super::segment::WindowStep;
 
 /// Information about an inverse depth that stays in a window, about infinity, as a share of that of its prior; it keeps a landmark
@@ -43,22 +44,23 @@ pub(crate) struct TrackSighting {
     pub(crate) step: usize,
     /// Measured pixel, undistorted.
     pub(crate) pixel: Vector2<f64>,
-    /// Variance of each coordinate.
-    pub(crate) variance_px2: f64,
+    /// The map that makes its noise round.
+    pub(crate) whitening: Whitening,
 }
 
 impl TrackSighting {
-    /// The weight of a residual of this length, and its cost: half its square in standard deviations, Huber's function beyond
-    /// the bend.
-    pub(crate) fn weigh(&self, residual_px: f64) -> (f64, f64) {
-        let normalised = residual_px / self.variance_px2.sqrt();
+    /// The weight of a whitened residual of this length, and its cost: half its square in standard deviations, Huber's function
+    /// beyond the bend.
+    pub(crate) fn weigh(&self, length: f64) -> (f64, f64) {
+        let variance = self.whitening.variance;
+        let normalised = length / variance.sqrt();
         if normalised > HUBER_SIGMAS {
             (
-                HUBER_SIGMAS / normalised / self.variance_px2,
+                HUBER_SIGMAS / normalised / variance,
                 HUBER_SIGMAS * (normalised - 0.5 * HUBER_SIGMAS),
             )
         } else {
-            (1.0 / self.variance_px2, 0.5 * normalised * normalised)
+            (1.0 / variance, 0.5 * normalised * normalised)
         }
     }
 }
@@ -91,7 +93,7 @@ pub(crate) fn tracks(
             track.sightings.push(TrackSighting {
                 step: k,
                 pixel: m.pixel,
-                variance_px2: m.variance_px2,
+                whitening: m.noise.whitening(),
             });
         }
     }

@@ -83,8 +83,9 @@ impl WindowProblem<'_> {
                 cost += UNSEEN_COST;
                 continue;
             };
-            let by_landmark = geometry.parameter_jacobian(pinhole, camera, mean)?;
-            let residual = sighting.pixel - predicted;
+            let whitening = &sighting.whitening;
+            let by_landmark = whitening.rows(geometry.parameter_jacobian(pinhole, camera, mean)?);
+            let residual = whitening.rows(sighting.pixel - predicted);
             let (weight, part) = sighting.weigh(residual.norm());
             cost += part;
             information += by_landmark.tr_mul(&by_landmark) * weight;

@@ -10,8 +10,8 @@ use crate::filter::likelihood::mahalanobis_2d;
 use crate::filter::linearised::{PoseLinearisation, PosePosterior, pose_posterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
+use crate::filter::pixel_noise::PixelNoise;
 use crate::rig::Rig;
-use nalgebra::Matrix2;
 
 /// Judges the pairs of landmark (its place in view) and keypoint by a robust pose posterior of all of them.
 #[must_use]
@@ -31,13 +31,13 @@ pub(crate) fn consensus<'a>(
         let (id, predicted) = &in_view.landmarks()[position];
         let mut prepared = predicted.prepared;
         prepared.pixel = pixel;
-        prepared.variance_px2 *= frame.variance_stretch[k];
+        prepared.noise = PixelNoise::shaped(&frame.shape[k], params.sigma_px);
         prepared.scoring = scoring(rig, &prepared, prior, params);
         let nis = mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance);
         let feature = MatchedFeature {
             id: *id,
             pixel,
-            variance_px2: prepared.variance_px2,
+            noise: prepared.noise,
             scoring: prepared.scoring,
             prototype: predicted.prototype,
         };
@@ -61,14 +61,10 @@ pub(crate) fn consensus<'a>(
             .collect();
         posterior = pose_posterior(rig, prior, &used, params.iterations);
         let linearisation = PoseLinearisation::new(rig, prior, &posterior);
-        for ((pair, prepared), keep) in candidates.iter().zip(&mut keep) {
+        for ((_, prepared), keep) in candidates.iter().zip(&mut keep) {
             *keep = linearisation.linearise(prepared).is_some_and(|line| {
-                // The filter knows the noise by its area, the gate by its shape.
-                let by_shape = frame.shape[pair.keypoint].covariance(params.sigma_px)
-                    - Matrix2::from_diagonal_element(prepared.variance_px2);
-                let innovation = line.innovation() + by_shape;
                 let error = prepared.pixel - line.mean;
-                params.gate.admits(&error, &innovation)
+                params.gate.admits(&error, &line.innovation())
             });
         }
     }
@@ -105,7 +101,9 @@ fn scoring(
         .geometry
         .parameter_jacobian(rig.pinhole(), &camera, &prepared.mean)
     {
-        Some(j) if j.column(2).norm() * sigma_rho > prepared.variance_px2.sqrt() => {
+        Some(j)
+            if mahalanobis_2d(&(j.column(2) * sigma_rho), prepared.noise.covariance()) > 1.0 =>
+        {
             Scoring::AcrossEpipolar
         }
         _ => Scoring::Full,

@@ -15,8 +15,6 @@ pub(crate) struct FrameFeatures<'a> {
     pub(crate) ideal: Vec<Option<Vector2<f64>>>,
     /// The noise of an ideal pixel, per standard deviation of the measured one: the lens stretches it with the image.
     pub(crate) shape: Vec<NoiseShape>,
-    /// Its variance by area: the geometric mean of those of its two axes.
-    pub(crate) variance_stretch: Vec<f64>,
     /// The keypoints with an ideal pixel, by place.
     pub(crate) nearby: Nearby,
 }
@@ -33,16 +31,11 @@ impl<'a> FrameFeatures<'a> {
         let (ideal, shape): (Vec<_>, Vec<_>) = undistorted
             .map(|found| (found.map(|f| f.0), found.map_or(NoiseShape::ROUND, |f| f.1)))
             .unzip();
-        let variance_stretch = shape
-            .iter()
-            .map(|shape| shape.covariance(1.0).determinant().sqrt())
-            .collect();
         let nearby = Nearby::new(&ideal);
         Self {
             features,
             ideal,
             shape,
-            variance_stretch,
             nearby,
         }
     }
@@ -97,7 +90,8 @@ mod tests {
             descriptors: vec![[0; 128]],
         };
         let stretch = |camera: &Camera, at: &Vector2<f64>| {
-            FrameFeatures::new(&features(at), camera).variance_stretch[0]
+            let shape = FrameFeatures::new(&features(at), camera).shape[0];
+            shape.covariance(1.0).determinant().sqrt()
         };
         let corner = stretch(&camera, &measured);
         assert!((corner / area - 1.0).abs() < 1e-5, "{corner} {area}");

@@ -11,6 +11,7 @@ use crate::filter::linearised::{PoseLinearisation, PosePosterior};
 use crate::filter::motion::MotionPrior;
 use crate::filter::observation::{MatchedFeature, Prepared, Scoring};
 use crate::filter::particle::Particle;
+use crate::filter::pixel_noise::PixelNoise;
 use crate::rig::Rig;
 
 /// A landmark predicted in view.
@@ -70,7 +71,7 @@ impl Predicted<'_> {
     pub(crate) fn measured(&self, feature: &MatchedFeature) -> Prepared {
         Prepared {
             pixel: feature.pixel,
-            variance_px2: feature.variance_px2,
+            noise: feature.noise,
             scoring: feature.scoring,
             ..self.prepared
         }
@@ -134,7 +135,7 @@ pub(crate) fn predict<'a>(
             mean: landmark.mean,
             covariance: landmark.covariance,
             pixel: Vector2::zeros(),
-            variance_px2: sigma_px * sigma_px,
+            noise: PixelNoise::round(sigma_px),
             scoring: Scoring::Full,
         };
         let Some(line) = linearisation.linearise(&prepared) else {

@@ -1,5 +1,6 @@
 //! Belief in landmarks, and matches of a synthetic scene.
 
+use crate::filter::pixel_noise::PixelNoise;
 use estimation_base::Manifold;
 use std::collections::BTreeSet;
 
@@ -39,7 +40,7 @@ fn prototype() -> Landmark {
         &pinhole(),
         0,
         &Vector2::new(10.0, 20.0),
-        SIGMA_PX,
+        &PixelNoise::round(SIGMA_PX),
         OPEN_DEPTH,
     )
 }

@@ -23,10 +23,12 @@ use crate::filter::observation::{
     FrameObservation, Initialisation, MatchedFeature, Prepared, Scoring, Sighting,
 };
 use crate::filter::particle::Particle;
+use crate::filter::pixel_noise::PixelNoise;
 use crate::filter::proposal::PoseProposal;
 use crate::frontend::association::Association;
 use crate::frontend::catalogue::{self, CatalogueUpdate, NewFeature, SeenAgain};
 use crate::frontend::frame::FrameFeatures;
+use crate::frontend::lens_noise::noise_at;
 use crate::frontend::missed::missed_landmarks;
 use crate::known_map::MapUse;
 use crate::method::LandmarkStart;
@@ -291,7 +293,7 @@ impl Slam {
                         id: pair.feature.id,
                         first: entry.first,
                         second: pair.feature.pixel,
-                        sigma_px: self.association.sigma_px,
+                        noise: [self.noise_at(&entry.first.pixel), pair.feature.noise],
                     })
             })
             .collect()
@@ -330,6 +332,7 @@ impl Slam {
     fn new_features(&self, seen: &Seen<'_>, report: &mut FrameReport) -> Vec<NewFeature> {
         let depth = InverseDepthPrior::beyond(self.config.mapping.min_depth_m);
         let limit = self.config.mapping.max_new as usize;
+        let sigma_px = self.association.sigma_px;
         let mut identities = self.state.catalogue.next_identities();
         let mut new = Vec::new();
         for k in strongest_unused(seen.frame, Some(&seen.association), limit) {
@@ -342,7 +345,7 @@ impl Slam {
                     self.rig.pinhole(),
                     self.state.keyframe,
                     &pixel,
-                    self.association.sigma_px * seen.frame.variance_stretch[k].sqrt(),
+                    &PixelNoise::shaped(&seen.frame.shape[k], sigma_px),
                     depth,
                 ),
                 sighting: self.sighting(pixel),
@@ -351,6 +354,12 @@ impl Slam {
             report.keypoints[k].landmark = identities.next();
         }
         new
+    }
+
+    /// The noise of a keypoint with this ideal pixel.
+    fn noise_at(&self, pixel_ideal: &Vector2<f64>) -> PixelNoise {
+        let sigma_px = self.association.sigma_px;
+        PixelNoise::of(noise_at(&self.rig.camera, pixel_ideal) * (sigma_px * sigma_px))
     }
 
     fn sighting(&self, pixel: Vector2<f64>) -> Sighting {

@@ -55,12 +55,13 @@ pub(crate) fn spread_scoring(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::pixel_noise::PixelNoise;
 
     fn at(x: f64, y: f64, scoring: Scoring) -> MatchedFeature {
         MatchedFeature {
             id: 0,
             pixel: Vector2::new(x, y),
-            variance_px2: 1.0,
+            noise: PixelNoise::round(1.0),
             scoring,
             prototype: None,
         }

@@ -1,10 +1,10 @@
 //! Landmark forms: projection by the textbook formula, Jacobians by differences, refocusing by exhaustive search.
 
-use nalgebra::{Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{LandmarkGeometry, first_sighting};
+use super::{LandmarkGeometry, first_sighting, first_sighting_with_covariance};
 use crate::camera::Pinhole;
 use crate::placed_camera::PlacedCamera;
 use crate::se3::Se3;
@@ -289,6 +289,17 @@ fn a_first_sighting_projects_onto_its_pixel_with_its_noise() {
         .expect("in front");
     // At the anchor the depth does not show: what is left is the pixel noise.
     let noise = jacobian * covariance * jacobian.transpose();
-    assert!((noise - nalgebra::Matrix2::identity() * 0.25).norm() < 1e-12);
+    assert!((noise - Matrix2::identity() * 0.25).norm() < 1e-12);
     assert_eq!((mean.z, covariance[(2, 2)]), (1.25, 0.625 * 0.625));
+    // With a noise of any shape the same, and that of a round one bit for bit.
+    let stretched = Matrix2::new(0.9, 0.2, 0.2, 0.3);
+    let (_, shaped) = first_sighting_with_covariance(&pinhole(), &pixel, &stretched, 1.25, 0.625);
+    assert!((jacobian * shaped * jacobian.transpose() - stretched).norm() < 1e-12);
+    for sigma in [0.1, 0.5, 0.6, 1.7] {
+        let round = Matrix2::from_diagonal_element(sigma * sigma);
+        assert_eq!(
+            first_sighting_with_covariance(&pinhole(), &pixel, &round, 1.25, 0.625),
+            first_sighting(&pinhole(), &pixel, sigma, 1.25, 0.625)
+        );
+    }
 }

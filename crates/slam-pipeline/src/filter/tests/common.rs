@@ -5,13 +5,14 @@ use crate::filter::metric::MetricState;
 use crate::filter::motion::{CarrierModel, NoiseFactors};
 use crate::filter::observation::{Prepared, Scoring};
 use crate::filter::particle::Particle;
+use crate::filter::pixel_noise::PixelNoise;
 use crate::filter::pose::{CameraPose, PoseStep};
 use crate::odometry::Control;
 use crate::rig::Rig;
-use estimation_base::Manifold;
+use estimation_base::{Manifold, symmetric};
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use mono_geometry::{Camera, Distortion, Mount, Pinhole, PlacedCamera, Se2};
-use nalgebra::{Matrix2x6, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x6, Matrix3, Rotation2, SMatrix, SVector, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -164,6 +165,18 @@ pub(crate) fn pose_jacobian(
     jacobian
 }
 
+/// The square root of an ellipse of noise, turned and stretched up to threefold by an amount of its own for every `id`; every
+/// third is round.
+pub(crate) fn noise_root(sigma_px: f64, id: u32) -> Matrix2<f64> {
+    let turn = Rotation2::new(0.7 * f64::from(id)).into_inner();
+    turn * Matrix2::from_diagonal(&Vector2::new(1.0 + f64::from(id % 3), 1.0)) * sigma_px
+}
+
+/// The noise with this square root.
+pub(crate) fn noise_of(root: &Matrix2<f64>) -> PixelNoise {
+    PixelNoise::of(symmetric(&(root * root.transpose())))
+}
+
 pub(crate) fn prepared(
     geometry: LandmarkGeometry,
     landmark: &Landmark,
@@ -176,7 +189,7 @@ pub(crate) fn prepared(
         mean: landmark.mean,
         covariance: landmark.covariance,
         pixel,
-        variance_px2,
+        noise: PixelNoise::of(Matrix2::from_diagonal_element(variance_px2)),
         scoring,
     }
 }

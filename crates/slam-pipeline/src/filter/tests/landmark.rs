@@ -1,5 +1,6 @@
 //! A landmark of unknown depth; the geometry of a landmark is tested in mono-geometry.
 
+use crate::filter::pixel_noise::PixelNoise;
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{Vector2, Vector3};
 
@@ -10,8 +11,13 @@ use crate::filter::landmark::Landmark;
 fn unknown_depth_lies_beyond_what_was_driven() {
     let anchor = place(&pose(0.0, 0.0, 0.0));
     let geometry = LandmarkGeometry::InverseDepth { anchor };
-    let landmark =
-        Landmark::from_first_sighting(&pinhole(), 0, &Vector2::new(100.0, 50.0), 0.5, OPEN_DEPTH);
+    let landmark = Landmark::from_first_sighting(
+        &pinhole(),
+        0,
+        &Vector2::new(100.0, 50.0),
+        &PixelNoise::round(0.5),
+        OPEN_DEPTH,
+    );
     // The camera looks along world y: two metres towards the landmark.
     let driven = landmark.in_front_of(&geometry, &Vector3::new(0.3, 2.0, 0.0));
     assert!(

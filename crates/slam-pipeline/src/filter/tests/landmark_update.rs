@@ -4,6 +4,7 @@
 use crate::filter::landmark::{InverseDepthPrior, Landmark};
 use crate::filter::landmark_moments::AxisPoints;
 use crate::filter::landmark_update::LandmarkUpdate;
+use crate::filter::pixel_noise::PixelNoise;
 use mono_geometry::PlacedCamera;
 use mono_geometry::inverse_depth::LandmarkGeometry;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
@@ -12,9 +13,12 @@ use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
 use super::common::*;
 
 const SIGMA_PX: f64 = 0.5;
-const VARIANCE: f64 = SIGMA_PX * SIGMA_PX;
 /// Prior of inverse depth: two sigmas above zero, nearest 0.4 m.
 const RHO: InverseDepthPrior = OPEN_DEPTH;
+
+fn pixel_noise() -> PixelNoise {
+    PixelNoise::round(SIGMA_PX)
+}
 
 fn filter() -> LandmarkUpdate<'static> {
     LandmarkUpdate {
@@ -26,7 +30,7 @@ fn filter() -> LandmarkUpdate<'static> {
 #[test]
 fn sideways_motion_is_linear_and_equals_kalman() {
     // Moving in the image plane keeps the third coordinate of the ray at one: the pixel is
-    // (fx (a + rho t) + cx, fy b + cy), linear in all three numbers. Closed and open depth.
+    // (fx (a + rho t) + cx, fy b + cy), linear in all three numbers. Closed and open depth, noise that a lens has stretched.
     for sigma_rho in [0.02, 0.5] {
         let anchor = place(&pose(0.0, 0.0, 0.0));
         let camera = place(&pose(0.25, 0.0, 0.0));
@@ -48,7 +52,8 @@ fn sideways_motion_is_linear_and_equals_kalman() {
         let h = Matrix2x3::new(k.fx, 0.0, -0.25 * k.fx, 0.0, k.fy, 0.0);
         let predicted = Vector2::new(k.cx, k.cy) + h * prior.mean;
         let innovation = Vector2::new(1.1, -0.7);
-        let s = h * prior.covariance * h.transpose() + Matrix2::identity() * VARIANCE;
+        let noise = noise_of(&noise_root(SIGMA_PX, 2));
+        let s = h * prior.covariance * h.transpose() + noise.covariance();
         let gain = prior.covariance * h.transpose() * s.cholesky().unwrap().inverse();
         let mean = prior.mean + gain * innovation;
         let covariance = prior.covariance - gain * s * gain.transpose();
@@ -57,7 +62,7 @@ fn sideways_motion_is_linear_and_equals_kalman() {
                 &geometry.view(&camera),
                 &prior,
                 &(predicted + innovation),
-                VARIANCE,
+                &noise,
             )
             .unwrap();
         assert_eq!(updated.parametrisation, prior.parametrisation);
@@ -78,7 +83,7 @@ fn far_innovation_is_gated() {
     let predicted = project(&camera, &geometry, &prior.mean);
     let at = |dy: f64| {
         let pixel = predicted + Vector2::new(0.0, dy * SIGMA_PX);
-        filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
+        filter().update(&geometry.view(&camera), &prior, &pixel, &pixel_noise())
     };
     // 18.4 = 4.29^2; the landmark adds little.
     assert!(at(4.2).is_some() && at(4.4).is_none());
@@ -146,9 +151,11 @@ fn open_depth_finds_the_maximum_a_posteriori() {
             pinhole().cy + pinhole().fy * b,
         );
         let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
-        let prior = Landmark::from_first_sighting(&pinhole(), 0, &first, SIGMA_PX, RHO);
+        let prior =
+            Landmark::from_first_sighting(&pinhole(), 0, &first, &PixelNoise::round(SIGMA_PX), RHO);
         let pixel = pixel_of(&camera, &ahead(&anchor, a, b, depth)) + noise;
-        let Some(updated) = filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
+        let Some(updated) =
+            filter().update(&geometry.view(&camera), &prior, &pixel, &pixel_noise())
         else {
             continue;
         };
@@ -183,12 +190,18 @@ fn far_points(widened: bool) -> (f64, f64) {
             let mut seen = |c: &PlacedCamera| {
                 pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
             };
-            let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
+            let prior = Landmark::from_first_sighting(
+                &pinhole(),
+                0,
+                &seen(&anchor),
+                &PixelNoise::round(SIGMA_PX),
+                RHO,
+            );
             let pixel = seen(&camera);
             let updated = if widened {
-                filter().first(&geometry.view(&camera), &prior, &pixel, VARIANCE)
+                filter().first(&geometry.view(&camera), &prior, &pixel, &pixel_noise())
             } else {
-                filter().update(&geometry.view(&camera), &prior, &pixel, VARIANCE)
+                filter().update(&geometry.view(&camera), &prior, &pixel, &pixel_noise())
             };
             // A gate of 1e-4 drops the same tails on both sides.
             if let Some(l) = updated {
@@ -228,13 +241,18 @@ fn covariance_stays_positive_definite() {
         let geometry = LandmarkGeometry::InverseDepth { anchor };
         let (a, b) = (uniform(&mut rng, -0.3, 0.3), uniform(&mut rng, -0.3, 0.3));
         let p = ahead(&anchor, a, b, uniform(&mut rng, 0.8, 50.0));
-        let mut landmark =
-            Landmark::from_first_sighting(&pinhole(), 0, &pixel_of(&anchor, &p), SIGMA_PX, RHO);
+        let mut landmark = Landmark::from_first_sighting(
+            &pinhole(),
+            0,
+            &pixel_of(&anchor, &p),
+            &PixelNoise::round(SIGMA_PX),
+            RHO,
+        );
         for _ in 0..20 {
             let camera = place(&near(&mut rng, &from));
             let pixel =
                 pixel_of(&camera, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
-            match filter().update(&geometry.view(&camera), &landmark, &pixel, VARIANCE) {
+            match filter().update(&geometry.view(&camera), &landmark, &pixel, &pixel_noise()) {
                 Some(next) => {
                     assert_eq!(next.covariance, next.covariance.transpose());
                     assert!(next.covariance.cholesky().is_some());
@@ -267,18 +285,30 @@ fn errors_are_as_large_as_the_covariance_says() {
         let mut seen = |c: &PlacedCamera| {
             pixel_of(c, &p) + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng))
         };
-        let prior = Landmark::from_first_sighting(&pinhole(), 0, &seen(&anchor), SIGMA_PX, RHO);
+        let prior = Landmark::from_first_sighting(
+            &pinhole(),
+            0,
+            &seen(&anchor),
+            &PixelNoise::round(SIGMA_PX),
+            RHO,
+        );
         let at = |i: f64| place(&pose(0.1 * i, 0.01 * i, 0.02 * i));
-        let Some(mut landmark) =
-            filter().first(&geometry.view(&at(1.0)), &prior, &seen(&at(1.0)), VARIANCE)
-        else {
+        let Some(mut landmark) = filter().first(
+            &geometry.view(&at(1.0)),
+            &prior,
+            &seen(&at(1.0)),
+            &pixel_noise(),
+        ) else {
             continue;
         };
         for i in 2..6 {
             let camera = at(f64::from(i));
-            if let Some(next) =
-                filter().update(&geometry.view(&camera), &landmark, &seen(&camera), VARIANCE)
-            {
+            if let Some(next) = filter().update(
+                &geometry.view(&camera),
+                &landmark,
+                &seen(&camera),
+                &pixel_noise(),
+            ) {
                 landmark = next;
             }
         }

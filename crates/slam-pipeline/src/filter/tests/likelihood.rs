@@ -2,7 +2,8 @@
 
 use crate::filter::landmark::Landmark;
 use crate::filter::likelihood::Likelihood;
-use crate::filter::observation::Scoring;
+use crate::filter::observation::{Prepared, Scoring};
+use crate::filter::pixel_noise::PixelNoise;
 use crate::filter::pose::CameraPose;
 use crate::method::LikelihoodForm;
 use mono_geometry::epipolar::EpipolarPair;
@@ -140,19 +141,27 @@ fn determinant_is_in_the_exact_form_only() {
 #[test]
 fn exact_log_is_the_mixture() {
     let (landmark, geometry, at, predicted, covariance) = seen();
-    let s = covariance + Matrix2::identity() * VARIANCE;
-    for offset in [
+    for (id, offset) in [
         Vector2::new(0.0, 0.0),
         Vector2::new(3.0, -2.0),
         Vector2::new(-6.0, 5.0),
-    ] {
-        let m = prepared(
-            geometry,
-            &landmark,
-            predicted + offset,
-            VARIANCE,
-            Scoring::Full,
-        );
+        Vector2::new(2.0, 3.0),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let noise = noise_of(&noise_root(VARIANCE.sqrt(), id as u32));
+        let s = covariance + noise.covariance();
+        let m = Prepared {
+            noise,
+            ..prepared(
+                geometry,
+                &landmark,
+                predicted + offset,
+                VARIANCE,
+                Scoring::Full,
+            )
+        };
         let squared = offset.dot(&s.cholesky().unwrap().solve(&offset));
         let density = (-0.5 * squared).exp() / (core::f64::consts::TAU * s.determinant().sqrt());
         let expected = ((1.0 - EPS) * density + EPS / AREA).ln();
@@ -226,7 +235,13 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
         let geometry = LandmarkGeometry::InverseDepth { anchor };
         let first = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
         let second = Vector2::new(uniform(&mut rng, 0.0, 320.0), uniform(&mut rng, 0.0, 240.0));
-        let landmark = Landmark::from_first_sighting(&pinhole(), 0, &first, 0.5, OPEN_DEPTH);
+        let landmark = Landmark::from_first_sighting(
+            &pinhole(),
+            0,
+            &first,
+            &PixelNoise::round(0.5),
+            OPEN_DEPTH,
+        );
         let m = prepared(
             geometry,
             &landmark,
@@ -245,8 +260,13 @@ fn printed_epipolar_term_is_the_symmetric_distance() {
     }
     // Without a baseline there is no line and no score.
     let at = pose(0.0, 0.0, 0.2);
-    let landmark =
-        Landmark::from_first_sighting(&pinhole(), 0, &Vector2::new(9.0, 9.0), 0.5, OPEN_DEPTH);
+    let landmark = Landmark::from_first_sighting(
+        &pinhole(),
+        0,
+        &Vector2::new(9.0, 9.0),
+        &PixelNoise::round(0.5),
+        OPEN_DEPTH,
+    );
     let geometry = LandmarkGeometry::InverseDepth { anchor: place(&at) };
     let m = prepared(
         geometry,
@@ -265,8 +285,13 @@ fn open_depth_is_scored_across_its_line() {
         anchor: place(&anchor_pose),
     };
     let at = pose(0.2, 0.0, 0.0);
-    let landmark =
-        Landmark::from_first_sighting(&pinhole(), 0, &Vector2::new(180.0, 120.0), 0.5, OPEN_DEPTH);
+    let landmark = Landmark::from_first_sighting(
+        &pinhole(),
+        0,
+        &Vector2::new(180.0, 120.0),
+        &PixelNoise::round(0.5),
+        OPEN_DEPTH,
+    );
     let score = |dx: f64, dy: f64| {
         let on_line = project(
             &place(&at),

@@ -7,10 +7,11 @@ use crate::filter::observation::{
     FrameObservation, Initialisation, MatchedFeature, Scoring, Sighting,
 };
 use crate::filter::particle::{Keyframe, Particle};
+use crate::filter::pixel_noise::PixelNoise;
 use crate::filter::pose::CameraPose;
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rbpf_core::MapUpdate;
 use ukf::{SigmaPoints, Verdict, assess_consistency, normalized_error_squared};
 
@@ -66,7 +67,7 @@ fn two_views_meet_in_the_point() {
             pixel: view(&p, 0, &at),
         },
         second: view(&p, 1, &at),
-        sigma_px: SIGMA_PX,
+        noise: [PixelNoise::round(SIGMA_PX); 2],
     };
     let landmark = two_view(&pinhole(), &p, &new).unwrap();
     assert_eq!(landmark.parametrisation, Parametrisation::Point);
@@ -99,23 +100,26 @@ fn two_view_errors_are_as_large_as_their_covariance() {
     let mut rng = rng(61);
     let p = two_keyframes();
     let mut values = Vec::new();
-    for _ in 0..500 {
+    for k in 0..500 {
         let at = ahead(
             &p.path.get(0).unwrap().camera,
             uniform(&mut rng, -0.2, 0.3),
             uniform(&mut rng, -0.2, 0.2),
             uniform(&mut rng, 1.0, 3.0),
         );
-        let mut noisy =
-            |pixel: Vector2<f64>| pixel + Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
+        // A lens has stretched the noise of most.
+        let roots = [k, k + 1].map(|id| noise_root(SIGMA_PX, id));
+        let mut noisy = |pixel: Vector2<f64>, root: &Matrix2<f64>| {
+            pixel + root * Vector2::from_fn(|_, _| normal(&mut rng))
+        };
         let new = Initialisation {
             id: 0,
             first: Sighting {
                 keyframe: 0,
-                pixel: noisy(view(&p, 0, &at)),
+                pixel: noisy(view(&p, 0, &at), &roots[0]),
             },
-            second: noisy(view(&p, 1, &at)),
-            sigma_px: SIGMA_PX,
+            second: noisy(view(&p, 1, &at), &roots[1]),
+            noise: [noise_of(&roots[0]), noise_of(&roots[1])],
         };
         if let Some(l) = two_view(&pinhole(), &p, &new) {
             values.push(normalized_error_squared(&(l.mean - at), &l.covariance).unwrap());
@@ -141,7 +145,7 @@ fn landmarks_not_measured_stay_where_they_are_in_memory() {
         matches: vec![MatchedFeature {
             id: 37,
             pixel: pixel_of(&place(&after.pose), &measured),
-            variance_px2: SIGMA_PX * SIGMA_PX,
+            noise: PixelNoise::round(SIGMA_PX),
             scoring: Scoring::MapOnly,
             prototype: None,
         }],
@@ -162,13 +166,18 @@ fn landmarks_not_measured_stay_where_they_are_in_memory() {
 fn second_sighting_starts_a_landmark_and_removal_ends_it() {
     let p = two_keyframes();
     let at = ahead(&p.path.get(0).unwrap().camera, 0.1, 0.1, 2.0);
-    let prototype =
-        Landmark::from_first_sighting(&pinhole(), 0, &view(&p, 0, &at), SIGMA_PX, OPEN_DEPTH);
+    let prototype = Landmark::from_first_sighting(
+        &pinhole(),
+        0,
+        &view(&p, 0, &at),
+        &PixelNoise::round(SIGMA_PX),
+        OPEN_DEPTH,
+    );
     let observation = FrameObservation {
         matches: vec![MatchedFeature {
             id: 5,
             pixel: view(&p, 1, &at),
-            variance_px2: SIGMA_PX * SIGMA_PX,
+            noise: PixelNoise::round(SIGMA_PX),
             scoring: Scoring::AcrossEpipolar,
             prototype: Some(prototype),
         }],

@@ -3,6 +3,7 @@
 pub(crate) mod common;
 mod landmark;
 mod landmark_update;
+mod lens;
 mod likelihood;
 mod mapping;
 mod metric;

@@ -56,7 +56,7 @@ impl Scene {
     }
 }
 
-/// Twenty uncertain points seen after a step of 0.1 m.
+/// Twenty uncertain points seen after a step of 0.1 m, most with a noise that a lens has stretched.
 fn scene(seed: u64) -> Scene {
     let mut rng = rng(seed);
     let carrier = CarrierModel {
@@ -78,11 +78,12 @@ fn scene(seed: u64) -> Scene {
             let at = ahead(&place(&prior.mean), a, b, uniform(&mut rng, 4.0, 8.0));
             let factor = Matrix3::new(2e-3, 0.0, 0.0, 1e-3, 3e-3, 0.0, -1e-3, 1e-3, 4e-3);
             let _ = p.map.insert(id, point(at, factor * factor.transpose()));
-            let noise = Vector2::from_fn(|_, _| uniform(&mut rng, -1.0, 1.0) * SIGMA_PX);
+            let root = noise_root(SIGMA_PX, id);
+            let noise = root * Vector2::from_fn(|_, _| uniform(&mut rng, -1.0, 1.0));
             MatchedFeature {
                 id,
                 pixel: pixel_of(&place(&truth), &at) + noise,
-                variance_px2: SIGMA_PX * SIGMA_PX,
+                noise: noise_of(&root),
                 scoring: Scoring::Full,
                 prototype: None,
             }
@@ -129,8 +130,7 @@ fn linearised(
             .geometry
             .parameter_jacobian(&pinhole(), &camera, &m.mean)
             .unwrap();
-        let noise = projected_covariance(&j, &m.covariance)
-            + nalgebra::Matrix2::identity() * m.variance_px2;
+        let noise = projected_covariance(&j, &m.covariance) + m.noise.covariance();
         r.view_mut((2 * i, 2 * i), (2, 2)).copy_from(&noise);
         innovation
             .rows_mut(2 * i, 2)

@@ -1,6 +1,7 @@
 //! The local batch against a dense oracle without elimination, and the new draw against the posterior of that oracle: in
 //! a nearly linear problem the draws have the exact posterior, so the draw leaves it invariant.
 
+use crate::filter::pixel_noise::PixelNoise;
 use std::sync::Arc;
 
 use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
@@ -16,7 +17,7 @@ use crate::method::LandmarkStart;
 use crate::rig::Rig;
 use estimation_base::Manifold;
 use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting};
-use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SVector, Vector2, Vector3};
 use rbpf_core::{MapUpdate as _, Streams};
 use ukf::SigmaPoints;
 
@@ -32,7 +33,7 @@ const DEPTH: InverseDepthPrior = InverseDepthPrior {
 const LEFT_OF_DEPTH: f64 = 1e-3;
 
 /// A start with its first keyframe and the keyframes of a drive past twelve points: four are known as points, four are
-/// open depths anchored in the start, and four are first seen in the window.
+/// open depths anchored in the start, and four are first seen in the window. A lens has stretched the noise of most.
 pub(super) struct Drive {
     pub(super) rig: Rig,
     pub(super) start: Particle,
@@ -112,13 +113,14 @@ pub(super) fn drive(seed: u64) -> Drive {
         })
         .collect();
     // Within a standard deviation, so that no residual reaches the bend of Huber's function.
-    let mut pixel = |pose: &CameraPose, x: &Vector3<f64>| {
+    let mut pixel = |pose: &CameraPose, x: &Vector3<f64>, root: &Matrix2<f64>| {
         let exact = LandmarkGeometry::Point
             .ray(x)
             .project(&PINHOLE, &pose.place(&rig))
             .unwrap();
-        exact + Vector2::from_fn(|_, _| SIGMA_PX * uniform(&mut rng, -1.0, 1.0))
+        exact + root * Vector2::from_fn(|_, _| uniform(&mut rng, -1.0, 1.0))
     };
+    let round = noise_root(SIGMA_PX, 0);
     let mut landmarks = Vec::new();
     for (id, x) in truth.iter().enumerate() {
         landmarks.push(match id {
@@ -126,8 +128,8 @@ pub(super) fn drive(seed: u64) -> Drive {
                 let variance = Matrix3::from_diagonal(&Vector3::new(1e-6, 4e-6, 1e-6));
                 (point(*x, variance), variance.try_inverse().unwrap())
             }
-            4..8 => open_landmark(0, &pixel(&start.pose, x)),
-            _ => open_landmark(1, &pixel(&poses[0], x)),
+            4..8 => open_landmark(0, &pixel(&start.pose, x, &round)),
+            _ => open_landmark(1, &pixel(&poses[0], x, &round)),
         });
         if id < 8 {
             start.map.insert(id as u32, landmarks[id].0);
@@ -137,10 +139,11 @@ pub(super) fn drive(seed: u64) -> Drive {
         .map(|k| {
             let first = if k == 0 { 8 } else { 12 };
             let matches = (0..first)
-                .map(|id| MatchedFeature {
+                .map(|id| (id, noise_root(SIGMA_PX, id as u32)))
+                .map(|(id, root)| MatchedFeature {
                     id: id as u32,
-                    pixel: pixel(&poses[k], &truth[id]),
-                    variance_px2: SIGMA_PX * SIGMA_PX,
+                    pixel: pixel(&poses[k], &truth[id], &root),
+                    noise: noise_of(&root),
                     scoring: Scoring::Full,
                     prototype: (k == 1 && id >= 8).then_some(landmarks[id].0),
                 })
@@ -210,7 +213,8 @@ impl Drive {
                     .ray(&parameters(id))
                     .project(&PINHOLE, &pose.place(&self.rig))
                     .unwrap();
-                residuals.extend(((seen - m.pixel) / SIGMA_PX).iter());
+                let root = noise_root(SIGMA_PX, m.id);
+                residuals.extend((root.try_inverse().unwrap() * (seen - m.pixel)).iter());
             }
         }
         DVector::from_vec(residuals)
@@ -536,7 +540,7 @@ fn regress_a_window_that_starts_far_off_settles() {
                 .map(|(id, x)| MatchedFeature {
                     id: id as u32,
                     pixel: seen(pose, x),
-                    variance_px2: SIGMA_PX * SIGMA_PX,
+                    noise: PixelNoise::round(SIGMA_PX),
                     scoring: Scoring::Full,
                     prototype: (k == 0).then(|| open_landmark(0, &seen(&start_pose, x)).0),
                 })
