@@ -296,10 +296,12 @@ impl<'a> Run<'a> {
                 .frames
                 .iter()
                 .any(|f| f.report.tracking == Tracking::Relocalised);
-            let (path, smoother) = if collected.in_map {
-                (best, not_smoothed())
-            } else {
-                smoothed(&collected.recording, rig, &config, best, found_again)
+            let (path, smoother) = match collected.frames.last() {
+                Some(last) if !collected.in_map => {
+                    let last = &last.report.estimate;
+                    smoothed(&collected.recording, rig, &config, best, last, found_again)
+                }
+                _ => (best, not_smoothed()),
             };
             let mut warnings = sequence.warnings.clone();
             warnings.extend(warnings::of_reference(sequence));

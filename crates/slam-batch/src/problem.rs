@@ -103,7 +103,7 @@ impl Model {
                         .max(TURNING_CENTRE_SIGMA_M),
                 )
                 .with(Constant::TurnRateBias, config.carrier.turn_bias_sigma),
-            max_iterations: 30,
+            max_iterations: 100,
         }
     }
 }

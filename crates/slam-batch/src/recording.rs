@@ -116,6 +116,11 @@ impl Recording {
         self.frames.len()
     }
 
+    /// The filtered poses, one a frame.
+    pub fn filtered(&self) -> impl Iterator<Item = Se2> + '_ {
+        self.frames.iter().map(|frame| frame.filtered)
+    }
+
     /// Landmarks with their sightings, by identity.
     pub fn tracks(&self) -> impl Iterator<Item = (u32, &[Sighting])> {
         self.tracks.iter().map(|(id, s)| (*id, s.as_slice()))

@@ -78,7 +78,7 @@ pub struct LearnedValue {
 /// Where the smoothed path comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SmootherRecord {
-    /// `batch`, or `best particle` where there was no batch solution.
+    /// `batch`; where there was no batch solution `best particle`, or `filtered` where that path does not end where the filter says.
     pub method: String,
     /// Why it is not the batch solution; `None` where it is.
     pub note: Option<String>,
