@@ -150,6 +150,11 @@ impl PathRedraw<'_> {
     }
 }
 
+/// Number of different states that the windows of these particles begin with.
+pub(crate) fn origins(particles: &[Particle]) -> usize {
+    families(particles).origins.len()
+}
+
 /// The particles by the state that their windows begin with.
 struct Families {
     /// Each origin, and the slot of a particle that has it.

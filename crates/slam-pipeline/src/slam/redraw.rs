@@ -15,7 +15,7 @@ use crate::filter::landmark::InverseDepthPrior;
 use crate::filter::mapping::Mapping;
 use crate::filter::observation::FrameObservation;
 use crate::filter::particle::Particle;
-use crate::filter::redraw::PathRedraw;
+use crate::filter::redraw::{PathRedraw, origins};
 use crate::filter::segment::{SegmentDriver, WindowStep};
 use crate::method::Evolution;
 
@@ -117,15 +117,4 @@ impl Slam {
             Evolution::Printed | Evolution::Off => 0,
         }
     }
-}
-
-/// Number of different origins.
-fn origins(particles: &[Particle]) -> usize {
-    let mut all: Vec<_> = particles
-        .iter()
-        .filter_map(|p| p.origin.as_ref().map(Arc::as_ptr))
-        .collect();
-    all.sort_unstable();
-    all.dedup();
-    all.len()
 }
