@@ -114,10 +114,16 @@ impl Drift {
         }
     }
 
-    /// The errors of the keyframes of a known map; `keyframes` are all of them, and the indices of `errors` are among them. An
-    /// error of the focal length counts from the map on.
+    /// The errors of the keyframes of a known map; `keyframes` are all of them, and the indices of `errors` are among them.
+    /// `added(body)` is the part of the covariance of a keyframe that every report adds anew. An error of the focal length
+    /// counts from the map on.
     #[must_use]
-    pub(crate) fn of_map(keyframes: &[KnownKeyframe], errors: &KnownErrors, limit: u32) -> Self {
+    pub(crate) fn of_map(
+        keyframes: &[KnownKeyframe],
+        errors: &KnownErrors,
+        limit: u32,
+        added: impl Fn(&Se2) -> Matrix3<f64>,
+    ) -> Self {
         let known = || errors.keyframes.iter().map(|k| &keyframes[*k as usize]);
         let mut drift = Self {
             limit,
@@ -129,7 +135,7 @@ impl Drift {
                 .zip(&errors.rows)
                 .map(|(k, row)| {
                     let own = row.last().copied().unwrap_or_else(Matrix3::zeros);
-                    cover(&own, &k.covariance) - own
+                    cover(&own, &(k.covariance - added(&k.body))) - own
                 })
                 .collect(),
             rows: errors.rows.clone(),

@@ -57,16 +57,13 @@ impl Slam {
             }
             ReportedCovariance::Spread => covariance,
         };
-        let unseen = match self.policies.reported {
-            ReportedCovariance::SpreadAndDrift => {
-                self.calibration_covariance(self.state.keyframe, &pose)
-            }
-            ReportedCovariance::Spread => Matrix3::zeros(),
+        let added = match self.policies.reported {
+            ReportedCovariance::SpreadAndDrift => self.constant_errors(self.state.keyframe, &pose),
+            ReportedCovariance::Spread => self.scale_covariance(&pose),
         };
-        let along = Vector3::new(pose.x, pose.y, 0.0) * self.config.odometry.scale_bias;
         PoseEstimate {
             pose,
-            covariance: covered + unseen + along * along.transpose(),
+            covariance: covered + added,
         }
     }
 
@@ -77,8 +74,18 @@ impl Slam {
             .state
             .drift
             .covariance_of(keyframe, &Vector2::new(body.x, body.y));
-        let along = Vector3::new(body.x, body.y, 0.0) * self.config.odometry.scale_bias;
-        drift + along * along.transpose() + self.calibration_covariance(keyframe, body)
+        drift + self.constant_errors(keyframe, body)
+    }
+
+    /// The covariance of the errors that every report adds to that of the path: calibration and the scale error of the wheels.
+    pub(super) fn constant_errors(&self, keyframe: u32, body: &Se2) -> Matrix3<f64> {
+        self.scale_covariance(body) + self.calibration_covariance(keyframe, body)
+    }
+
+    /// The covariance of the constant scale error of the wheels.
+    fn scale_covariance(&self, pose: &Se2) -> Matrix3<f64> {
+        let along = Vector3::new(pose.x, pose.y, 0.0) * self.config.odometry.scale_bias;
+        along * along.transpose()
     }
 
     /// The covariance of the errors that no image sees: a first heading, a mount or a focal length that is wrong.

@@ -134,6 +134,8 @@ impl Slam {
             &map.keyframes,
             &map.errors,
             slam.config.mapping.max_keyframes,
+            // The system knows no keyframe yet, so this is without the focal length.
+            |body| slam.constant_errors(0, body),
         );
         slam.state.keyframe = map.keyframes.len() as u32;
         slam.state.begin_lost(map);

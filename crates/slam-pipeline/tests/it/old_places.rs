@@ -2,7 +2,7 @@
 
 use mono_geometry::Se2;
 use nalgebra::{Matrix2, Vector2, Vector3};
-use slam_pipeline::config::Method;
+use slam_pipeline::config::{Config, Method};
 use slam_pipeline::{
     FrameInput, FrameReport, KnownMap, MapUse, OdometryInterval, Slam, SlamError, Tracking,
 };
@@ -68,6 +68,48 @@ fn a_known_map_is_the_map_of_the_run_in_metres() {
         0.0
     );
     assert!(last.covariance[(0, 0)] > 0.0);
+}
+
+/// The scale error of the wheels, the first heading and the yaw of the mount were in the covariances of the map, and were
+/// added to them again by the system that was begun in it.
+#[test]
+fn regress_a_map_read_again_counts_scale_and_calibration_once() {
+    let (scale, heading, yaw) = (0.05, 0.03, 0.05);
+    let mut config = Config::clone(&config(30, 5));
+    config.odometry.scale_bias = scale;
+    config.carrier.first_heading_sigma = heading;
+    config.carrier.mount_yaw_sigma = yaw;
+    let config = config.check().unwrap();
+    let drive = Drive::new(5);
+    let mut slam = Slam::new(rig(), &config).unwrap();
+    for i in 0..FRAMES {
+        slam.step(&drive.input(i), &mut |_| {}).unwrap();
+    }
+    let map = slam.known_map();
+    for usage in [MapUse::Localise, MapUse::Extend] {
+        let again = Slam::with_map(rig(), &config, &map, usage)
+            .unwrap()
+            .known_map();
+        let mut compared = 0;
+        for (old, new) in map.keyframes.iter().zip(&again.keyframes) {
+            let (x, y) = (old.body.x, old.body.y);
+            let turn = heading * heading + yaw * yaw;
+            let added = [
+                scale * scale * x * x + turn * y * y,
+                scale * scale * y * y + turn * x * x,
+                heading * heading,
+            ];
+            for (i, added) in added.into_iter().enumerate() {
+                let (old, new) = (old.covariance[(i, i)], new.covariance[(i, i)]);
+                // Where it is most of the covariance, and then twice would be half as much again.
+                if added > 0.5 * old {
+                    assert!((0.9..1.1).contains(&(new / old)), "{i}: {old} became {new}");
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > map.keyframes.len(), "{compared}");
+    }
 }
 
 #[test]

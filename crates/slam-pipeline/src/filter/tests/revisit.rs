@@ -149,7 +149,7 @@ fn the_errors_of_a_known_map_are_those_of_the_run_that_made_it() {
             covariance: drift.covariance_of(k as u32, p),
         })
         .collect();
-    let loaded = Drift::of_map(&known, &saved, WINDOW as u32);
+    let loaded = Drift::of_map(&known, &saved, WINDOW as u32, |_| Matrix3::zeros());
     for k in saved.keyframes {
         let at = &positions[k as usize];
         let (found, expected) = (loaded.covariance_of(k, at), drift.covariance_of(k, at));
