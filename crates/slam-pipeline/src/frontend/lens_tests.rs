@@ -6,16 +6,13 @@ use nalgebra::{Matrix3, SVector, Vector2};
 use vision_sift::Features;
 
 use super::associate::associate;
-use super::association::AssociationParams;
 use super::catalogue::Catalogue;
 use super::frame::FrameFeatures;
-use super::gate::Gate;
-use super::tests::{SIGMA_PX, descriptor, keypoint, new_features, promote};
+use super::tests::{PARAMS, SIGMA_PX, descriptor, keypoint, map_point};
 use crate::filter::tests::common::*;
 use crate::method::DescriptorSearch;
 use crate::rig::Rig;
 
-const GATE: Gate = Gate { limit: 13.8 };
 const LANDMARKS: u32 = 40;
 
 /// The camera sees 53 degrees off its axis in the corners of the ideal image: there the noise is 2.8 times as large along the radius.
@@ -62,11 +59,13 @@ fn regress_right_matches_at_the_rim_of_a_fisheye_are_kept() {
             let (a, b) = (uniform(&mut rng, -1.0, 1.0), uniform(&mut rng, -0.75, 0.75));
             let at = ahead(&expected_from, a, b, uniform(&mut rng, 1.8, 2.2));
             let look = descriptor(&mut rng);
-            catalogue.apply(new_features(&[look], 0), None);
-            catalogue.apply(promote(&[id]), None);
-            let _ = particle
-                .map
-                .insert(id, point(at, Matrix3::from_diagonal_element(1e-8)));
+            map_point(
+                &mut catalogue,
+                &mut particle,
+                id,
+                look,
+                point(at, Matrix3::from_diagonal_element(1e-8)),
+            );
             let in_camera = seen_from.camera_from_world * (at - seen_from.centre);
             let real = rig.camera.project(&in_camera).unwrap();
             let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
@@ -74,20 +73,10 @@ fn regress_right_matches_at_the_rim_of_a_fisheye_are_kept() {
             features.descriptors.push(look);
             let ideal = rig.camera.undistort_pixel(&(real + noise)).unwrap();
             let off = (ideal - rig.pinhole().project(&in_camera).unwrap()).norm();
-            by_one_sigma += u32::from(off * off <= GATE.limit * SIGMA_PX * SIGMA_PX);
+            by_one_sigma += u32::from(off * off <= PARAMS.gate.limit * SIGMA_PX * SIGMA_PX);
         }
-        let params = AssociationParams {
-            ratio: 0.7,
-            gate: GATE,
-            search: DescriptorSearch::InView,
-            guided_distance_squared: 220 * 220,
-            guided_ratio: 0.8,
-            open_depth: 0.15,
-            sigma_px: SIGMA_PX,
-            iterations: 2,
-        };
         let frame = FrameFeatures::new(&features, &rig.camera);
-        let association = associate(&rig, &frame, &catalogue, &particle, &prior, &params);
+        let association = associate(&rig, &frame, &catalogue, &particle, &prior, &PARAMS);
         kept += association.inliers.len() as u32;
         let wrong = association
             .inliers

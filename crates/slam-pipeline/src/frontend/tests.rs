@@ -24,6 +24,17 @@ use crate::filter::tests::common::*;
 
 pub(super) const SIGMA_PX: f64 = 0.5;
 
+pub(super) const PARAMS: AssociationParams = AssociationParams {
+    ratio: 0.7,
+    gate: Gate { limit: 13.8 },
+    search: DescriptorSearch::InView,
+    guided_distance_squared: 220 * 220,
+    guided_ratio: 0.8,
+    open_depth: 0.15,
+    sigma_px: SIGMA_PX,
+    iterations: 2,
+};
+
 pub(super) fn descriptor(rng: &mut ChaCha8Rng) -> [u8; 128] {
     core::array::from_fn(|_| rng.random_range(0..120_u8))
 }
@@ -52,7 +63,7 @@ fn with_features(descriptors: &[[u8; 128]], keyframe: u32) -> Catalogue {
     catalogue
 }
 
-pub(super) fn new_features(descriptors: &[[u8; 128]], keyframe: u32) -> CatalogueUpdate {
+fn new_features(descriptors: &[[u8; 128]], keyframe: u32) -> CatalogueUpdate {
     CatalogueUpdate {
         new: descriptors
             .iter()
@@ -75,11 +86,24 @@ fn seen(id: u32, descriptor: &[u8; 128], keyframe: u32) -> SeenAgain {
     }
 }
 
-pub(super) fn promote(ids: &[u32]) -> CatalogueUpdate {
+fn promote(ids: &[u32]) -> CatalogueUpdate {
     CatalogueUpdate {
         promoted: ids.to_vec(),
         ..CatalogueUpdate::default()
     }
+}
+
+/// Puts a landmark into the catalogue and into the map of the particle; `id` is the next of the catalogue.
+pub(super) fn map_point(
+    catalogue: &mut Catalogue,
+    particle: &mut Particle,
+    id: u32,
+    descriptor: [u8; 128],
+    landmark: Landmark,
+) {
+    catalogue.apply(new_features(&[descriptor], 0), None);
+    catalogue.apply(promote(&[id]), None);
+    let _ = particle.map.insert(id, landmark);
 }
 
 #[test]
@@ -264,11 +288,13 @@ fn scene(seed: u64) -> Scene {
         );
         let at = ahead(&place(&prior.mean), a, b, uniform(&mut rng, 1.8, 2.2));
         let seen = descriptor(&mut rng);
-        catalogue.apply(new_features(&[seen], 0), None);
-        catalogue.apply(promote(&[id]), None);
-        let _ = particle
-            .map
-            .insert(id, point(at, Matrix3::from_diagonal_element(1e-6)));
+        map_point(
+            &mut catalogue,
+            &mut particle,
+            id,
+            seen,
+            point(at, Matrix3::from_diagonal_element(1e-6)),
+        );
         let noise = Vector2::from_fn(|_, _| SIGMA_PX * normal(&mut rng));
         features
             .keypoints
@@ -287,16 +313,6 @@ fn scene(seed: u64) -> Scene {
 }
 
 fn matched(scene: &Scene) -> Association<'_> {
-    let params = AssociationParams {
-        ratio: 0.7,
-        gate: Gate { limit: 13.8 },
-        search: DescriptorSearch::InView,
-        guided_distance_squared: 220 * 220,
-        guided_ratio: 0.8,
-        open_depth: 0.15,
-        sigma_px: SIGMA_PX,
-        iterations: 2,
-    };
     let frame = FrameFeatures::new(&scene.features, &camera());
     associate(
         &rig(),
@@ -304,7 +320,7 @@ fn matched(scene: &Scene) -> Association<'_> {
         &scene.catalogue,
         &scene.particle,
         &scene.prior,
-        &params,
+        &PARAMS,
     )
 }
 
