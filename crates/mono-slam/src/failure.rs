@@ -126,6 +126,7 @@ impl From<OutputError> for Failure {
         match error {
             OutputError::Malformed { .. }
             | OutputError::Unusable { .. }
+            | OutputError::NoRun { .. }
             // A full disk or a folder without permission is the user's to mend.
             | OutputError::Io { .. } => Failure::input(sentence),
             _ => Failure::Other(anyhow::Error::msg(sentence)),

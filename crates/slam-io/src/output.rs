@@ -137,12 +137,38 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 /// Reads a finished run back from its folder, for the report and for evaluation.
 ///
 /// # Errors
-/// [`OutputError`] when `report_data.json` or `map.slam` is missing, damaged or of
+/// [`OutputError`] when the folder is no run, `report_data.json` or `map.slam` is missing, damaged or of
 /// another version, or `tracks.csv` is damaged; runs of earlier versions have no tracks.
 pub fn read_run(dir: &Path) -> Result<RunRecord, OutputError> {
+    check_run_folder(dir)?;
     let map = map_file::read(&dir.join("map.slam"))?;
     let tracks = tables::read_tracks(&dir.join("tracks.csv"))?;
     report_data::read(&dir.join("report_data.json"), map, tracks)
+}
+
+/// Refuses a path that is not the folder of a run: one that holds neither of the files that only a run has.
+fn check_run_folder(dir: &Path) -> Result<(), OutputError> {
+    let found = match fs::metadata(dir) {
+        Err(source) if source.kind() == std::io::ErrorKind::NotFound => "nothing there",
+        Err(source) => return Err(OutputError::io(dir, "read", source)),
+        Ok(file) if !file.is_dir() => "a file",
+        Ok(_) if has_any(dir, &["map.slam", "report_data.json"]) => return Ok(()),
+        Ok(_) if has_any(dir, &["images", "camera.toml", "odometry.csv"]) => {
+            "a sequence, which has not been run"
+        }
+        Ok(_) => "a folder without report_data.json",
+    };
+    Err(OutputError::NoRun {
+        path: dir.to_path_buf(),
+        found,
+    })
+}
+
+fn has_any(dir: &Path, names: &[&str]) -> bool {
+    // A dangling link is something that is there: the reader of the file has the better sentence.
+    names
+        .iter()
+        .any(|name| dir.join(name).symlink_metadata().is_ok())
 }
 
 /// Refuses a run with a NaN or an infinity in it and names the first place.

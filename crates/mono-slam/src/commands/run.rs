@@ -116,6 +116,7 @@ pub(crate) fn drive(arguments: &RunOptions, map: Option<(&Path, MapUse)>) -> Res
     let config = settings(arguments)?;
     checked(config.clone())?;
     check_output_folder(&arguments.out)?;
+    not_the_sequence(&arguments.out, &arguments.sequence)?;
     let map = map
         .map(|(path, usage)| MapFile::read(path, usage))
         .transpose()?;
@@ -255,6 +256,18 @@ fn keep(
         "after {frames} of {all} frames; results so far in {}; {going_on}",
         out.display()
     ))
+}
+
+/// Refuses results in the folder of the sequence: camera and odometry of the run would replace its own.
+fn not_the_sequence(out: &Path, sequence: &Path) -> Result<(), Failure> {
+    match (out.canonicalize(), sequence.canonicalize()) {
+        (Ok(one), Ok(other)) if one == other => Err(Failure::input(format!(
+            "{}: results cannot go there: it is the sequence, whose camera.toml and odometry.csv they would replace; give \
+             another folder",
+            out.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn write_results(record: &RunRecord, sequence: &Sequence, out: &Path) -> Result<(), Failure> {

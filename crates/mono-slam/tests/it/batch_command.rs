@@ -145,7 +145,7 @@ fn a_run_is_solved_again_from_its_folder() {
     refused(
         &["calibrate", "--from-run", "no/run", "--out", "camera.toml"],
         2,
-        "map.slam: cannot be read",
+        "no/run: no finished run: expected the folder that `mono-slam run SEQUENCE --out DIR` wrote, found nothing there",
     );
     refused(
         &["calibrate", "--out", "camera.toml"],

@@ -234,8 +234,36 @@ fn report_draws_the_page_again() {
     assert_refused(
         &mono_slam(&["report", "no/such/run"]),
         2,
-        "cannot be read: ",
+        "found nothing there",
     );
+}
+
+/// These complained about a `map.slam` that cannot be read in a folder that nobody takes for a run.
+#[test]
+fn regress_a_folder_that_is_no_run_is_told_as_that() {
+    let scratch = Scratch::new();
+    let path = |name: &str| scratch.path().join(name).to_str().unwrap().to_owned();
+    let (empty, file, sequence, out) = (path("empty"), path("file"), path("drive"), path("out"));
+    fs::create_dir(&empty).unwrap();
+    fs::write(&file, "t_s").unwrap();
+    fs::create_dir_all(format!("{sequence}/images")).unwrap();
+    for (folder, found) in [
+        (&empty, "a folder without report_data.json"),
+        (&file, "a file"),
+        (&sequence, "a sequence, which has not been run"),
+    ] {
+        let sentence = format!(
+            "{folder}: no finished run: expected the folder that `mono-slam run SEQUENCE --out DIR` wrote, found {found}"
+        );
+        for command in [
+            &["batch", folder, "--out", &out][..],
+            &["report", folder],
+            &["compare", folder, folder, "--out", &out],
+            &["calibrate", "--from-run", folder, "--out", &out],
+        ] {
+            assert_refused(&mono_slam(command), 2, &sentence);
+        }
+    }
 }
 
 fn board_images() -> String {

@@ -53,6 +53,6 @@ fn two_runs_are_drawn_on_one_page() {
     assert_refused(
         &mono_slam(&["compare", &folders[0], "no/such/run", "--out", out]),
         2,
-        "no/such/run/map.slam: cannot be read",
+        "no/such/run: no finished run: expected the folder that `mono-slam run SEQUENCE --out DIR` wrote, found nothing there",
     );
 }

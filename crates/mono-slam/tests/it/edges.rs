@@ -197,6 +197,44 @@ fn regress_two_images_of_one_name_became_one_file() {
     );
 }
 
+/// `--out` on the sequence put the odometry of the run among its files; a run given as a sequence was said to lack images, and
+/// one given as a map to be a directory.
+#[test]
+fn regress_a_sequence_a_run_and_a_map_are_told_apart() {
+    let scratch = Scratch::new();
+    let path = |name: &str| scratch.path().join(name).to_str().unwrap().to_owned();
+    let (sequence, run, out) = (path("drive"), path("run"), path("out"));
+    fs::create_dir_all(path("drive/images")).unwrap();
+    fs::create_dir(&run).unwrap();
+    for name in [
+        "camera.toml",
+        "odometry.csv",
+        "report_data.json",
+        "map.slam",
+    ] {
+        fs::write(path(&format!("run/{name}")), "").unwrap();
+    }
+    let again = path("drive/images/..");
+    for (arguments, expected) in [
+        (
+            vec!["run", &sequence, "--out", &again],
+            "results cannot go there: it is the sequence, whose camera.toml and odometry.csv they would replace",
+        ),
+        (
+            vec!["run", &run, "--out", &out],
+            "expected a sequence folder, found the results of a run: give the sequence it was made from",
+        ),
+        (vec!["info", &run], "found the results of a run"),
+        (
+            vec!["localize", &sequence, "--map", &run, "--out", &out],
+            "expected a map, found the folder of one: give ",
+        ),
+    ] {
+        assert_refused(&mono_slam(&arguments), 2, expected);
+    }
+    assert!(!Path::new(&out).exists());
+}
+
 #[test]
 fn regress_negative_numbers_are_answered_as_values() {
     for (arguments, expected) in [

@@ -24,6 +24,14 @@ pub enum OutputError {
         /// The reason.
         reason: String,
     },
+    /// No folder of results.
+    #[error("{}: no finished run: expected the folder that `mono-slam run SEQUENCE --out DIR` wrote, found {found}", path.display())]
+    NoRun {
+        /// The path given.
+        path: PathBuf,
+        /// Its contents.
+        found: &'static str,
+    },
     /// A result is NaN or infinite; nothing was written.
     #[error("results are not written: {what} is not finite")]
     NotFinite {

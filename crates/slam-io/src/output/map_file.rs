@@ -130,6 +130,11 @@ fn encode_sections(major: u16, minor: u16, parts: &[([u8; 4], Vec<u8>)]) -> Vec<
 
 /// Reads a whole map file.
 pub(super) fn read(path: &Path) -> Result<MapFile, OutputError> {
+    let inside = path.join("map.slam");
+    if inside.is_file() {
+        let found = format!("the folder of one: give {}", inside.display());
+        return Err(OutputError::malformed(path, "a map", found));
+    }
     let cannot = |source| OutputError::io(path, "read", source);
     let mut file = File::open(path).map_err(cannot)?;
     let mut bytes = Vec::new();

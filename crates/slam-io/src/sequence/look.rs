@@ -18,6 +18,8 @@ const VIDEOS: [&str; 9] = [
 /// Endings of recorded logs, for the sentence about one that is damaged.
 const LOGS: [&str; 5] = ["bag", "mcap", "db3", "zstd", "zst"];
 const ARCHIVES: [&str; 8] = ["zip", "tar", "gz", "tgz", "bz2", "xz", "7z", "rar"];
+/// The file that shows that a folder holds the results of a run.
+const RUN: &str = "report_data.json";
 /// Entries that are looked at below a folder without a sequence.
 const LOOKED_AT: usize = 1000;
 /// Sequences that a message names.
@@ -50,6 +52,13 @@ pub(super) fn format_of(path: &Path) -> Result<SequenceFormat, SequenceError> {
             }
             _ => Ok(SequenceFormat::Images),
         };
+    }
+    if path.join(RUN).is_file() {
+        return Err(fault(
+            path,
+            "a sequence folder",
+            "the results of a run: give the sequence it was made from".into(),
+        ));
     }
     if has_text_files(path) {
         return Ok(SequenceFormat::Native);
