@@ -6,9 +6,7 @@ use super::intrinsics::Intrinsics;
 use super::normal::{Estimate, cost};
 use super::pose::BundlePose;
 use super::problem::Problem;
-use super::reduced::Reduced;
-use super::schur::Schur;
-use super::tests::{dense, filled, moved, planar, spatial};
+use super::tests::{dense, filled, moved, planar, spatial, steps};
 use crate::camera::Camera;
 use crate::distortion::Distortion;
 use crate::noise_shape::NoiseShape;
@@ -170,21 +168,7 @@ fn check_border<P: BundlePose<D>, const D: usize>(problem: Problem<P, D>) {
     let (layout, _, normal) = filled(&problem, RobustLoss::None);
     let (hessian, gradient) = bordered(&problem);
     let free = D * layout.free_poses.len();
-    for (damping, by_envelope) in [0.0, 1e-6, 0.1, 10.0]
-        .map(|d| [(d, false), (d, true)])
-        .concat()
-    {
-        let mut schur = Schur::with(&layout, Reduced::stored(&layout, D, by_envelope));
-        schur.set_scales(&normal);
-        schur.step(&layout, &normal, damping).expect("regular");
-        let mut damped = hessian.clone();
-        for j in 0..damped.nrows() {
-            damped[(j, j)] *= 1.0 + damping;
-        }
-        let expected = damped.cholesky().expect("regular").solve(&-&gradient);
-        let mut step = schur.pose_step.clone();
-        step.extend(schur.landmark_step.iter().flat_map(|s| s.iter()));
-        step.extend(schur.camera_step.iter());
+    for (damping, step, expected) in steps(&layout, &normal, &hessian, &gradient) {
         for (k, (found, expected)) in step.iter().zip(&expected).enumerate() {
             // in standard deviations each coordinate has alone
             let scale = hessian[(k, k)].sqrt();

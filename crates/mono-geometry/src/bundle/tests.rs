@@ -517,28 +517,38 @@ fn the_robust_gradient_is_exact() {
     }
 }
 
-fn check_schur<P: BundlePose<D>, const D: usize>(problem: &Problem<P, D>) {
-    let (layout, _, normal) = filled(problem, RobustLoss::Huber { threshold: 1.5 });
-    let (hessian, gradient) = dense(&layout, &normal);
-    for (damping, by_envelope) in [0.0, 1e-6, 0.1, 10.0]
-        .map(|d| [(d, false), (d, true)])
-        .concat()
-    {
-        let mut schur = Schur::with(&layout, Reduced::stored(&layout, D, by_envelope));
-        schur.set_scales(&normal);
-        schur.step(&layout, &normal, damping).expect("regular");
+/// Damping, the step of the Schur complement and that of the dense system, for several dampings and both stores.
+pub(super) fn steps<const D: usize>(
+    layout: &Layout,
+    normal: &Normal<D>,
+    hessian: &DMatrix<f64>,
+    gradient: &DVector<f64>,
+) -> Vec<(f64, DVector<f64>, DVector<f64>)> {
+    let mut all = Vec::new();
+    for damping in [0.0, 1e-6, 0.1, 10.0] {
         let mut damped = hessian.clone();
         for j in 0..damped.nrows() {
             damped[(j, j)] *= 1.0 + damping;
         }
-        let expected = damped
-            .clone()
-            .cholesky()
-            .expect("regular")
-            .solve(&-&gradient);
-        let mut step = schur.pose_step.clone();
-        step.extend(schur.landmark_step.iter().flat_map(|s| s.iter()));
-        let difference = (DVector::from_vec(step) - &expected).amax() / expected.amax();
+        let expected = damped.cholesky().expect("regular").solve(&-gradient);
+        for by_envelope in [false, true] {
+            let mut schur = Schur::<D>::with(layout, Reduced::stored(layout, D, by_envelope));
+            schur.set_scales(normal);
+            schur.step(layout, normal, damping).expect("regular");
+            let mut step = schur.pose_step.clone();
+            step.extend(schur.landmark_step.iter().flat_map(|s| s.iter()));
+            step.extend(schur.camera_step.iter());
+            all.push((damping, DVector::from_vec(step), expected.clone()));
+        }
+    }
+    all
+}
+
+fn check_schur<P: BundlePose<D>, const D: usize>(problem: &Problem<P, D>) {
+    let (layout, _, normal) = filled(problem, RobustLoss::Huber { threshold: 1.5 });
+    let (hessian, gradient) = dense(&layout, &normal);
+    for (damping, step, expected) in steps(&layout, &normal, &hessian, &gradient) {
+        let difference = (step - &expected).amax() / expected.amax();
         assert!(difference < 1e-11, "{damping}: {difference}");
     }
     // The covariance is the corner of the dense inverse, poses and landmarks.
