@@ -94,6 +94,9 @@ impl<T: Real, X: Manifold<L, T>, const L: usize> Ukf<T, X, L> {
     }
 
     /// The covariance, symmetric, in the tangent at the mean.
+    ///
+    /// The filter goes on from its root. As a matrix, a direction known some 1e15 times as well as another is rounding, and
+    /// [`Ukf::new`] may refuse it.
     pub const fn covariance(&self) -> &SMatrix<T, L, L> {
         &self.covariance
     }
