@@ -15,6 +15,9 @@ use crate::warning::Warning;
 const HOLE_STEPS: f64 = 5.0;
 /// Holes named in a warning.
 const NAMED_HOLES: usize = 3;
+/// Rows this far apart, seconds and images, are slower than wheels are read: milliseconds at 500 Hz look like that.
+const SLOW_S: f64 = 2.0;
+const SLOW_FRAMES: f64 = 3.0;
 /// Rounding of written times, seconds.
 const ROUNDING_S: f64 = 1e-6;
 
@@ -144,6 +147,18 @@ pub(super) fn check_coverage(
                 "{name} has one row: its speed is held for all {} s of the images, {}",
                 seconds(last - first),
                 held(only.t_s)
+            ),
+        ));
+    }
+    let frame_s = usual_interval_s(times_s).unwrap_or(f64::INFINITY);
+    if rows.len() > 2 && usual_s >= SLOW_S && usual_s > SLOW_FRAMES * frame_s {
+        warnings.push(Warning::new(
+            "odometry-slow",
+            format!(
+                "{name} has a row every {} s, images come every {} s: each speed is held for many of them; times are expected \
+                 in seconds",
+                seconds(usual_s),
+                seconds(frame_s)
             ),
         ));
     }
@@ -301,6 +316,23 @@ mod tests {
               first image, the odometry covers the others"
             ]
         );
+    }
+
+    /// Times in milliseconds left one speed for the whole drive, and nothing was said.
+    #[test]
+    fn regress_times_in_milliseconds_are_told() {
+        let images: Vec<f64> = (0..20).map(|i| 0.5 * f64::from(i)).collect();
+        assert_eq!(
+            said((0..96).map(|i| 100.0 * f64::from(i)), &images),
+            [
+                "[odometry-slow] odometry.csv has a row every 100 s, images come every 0.5 s: each speed is held for many of \
+                 them; times are expected in seconds."
+            ]
+        );
+        // A time lapse with rows as slow as its images, and two rows that are a constant speed.
+        let slow: Vec<f64> = (0..20).map(|i| 5.0 * f64::from(i)).collect();
+        assert!(said(slow.iter().copied(), &slow).is_empty());
+        assert!(said([0.0, 9.5], &images).is_empty());
     }
 
     #[test]
