@@ -523,7 +523,7 @@ pub const FIELDS: &[Field] = &[
         "",
         50.0,
         10_000_000.0,
-        "landmarks of the map; beyond it the least used ones out of view leave. About 0.8 kB each",
+        "landmarks of the map; beyond it the least used ones out of view leave. About 0.95 kB each",
         |c| c.mapping.max_landmarks.into(),
     ),
     field(

@@ -4,7 +4,7 @@
 //! a place in the map of every particle. The maps share their nodes: landmarks out of view are in one map that all particles
 //! share, those in view since the last common ancestor in one of each particle, and the states from which the recent path is
 //! driven again hold earlier versions. All distinct nodes are counted, so that the sum follows what the particles have in
-//! common; divided by the landmarks it is the price of one, about 0.8 kB where most are out of view. The path, its recent
+//! common; divided by the landmarks it is the price of one, about 0.95 kB where most are out of view. The path, its recent
 //! measurements and the joint covariance of its keyframes are counted apart, because fewer landmarks make neither shorter.
 
 use rbpf_core::SharedBytes;

@@ -100,6 +100,9 @@ fn the_bytes_of_a_map_are_those_that_are_allocated_within_three_tenths() {
         }));
     }
     let large = Slam::with_map(rig(), &config(30, 7), &map, MapUse::Extend).unwrap();
+    // What the documentation of memory.rs and of max_landmarks says: 0.95 kB each.
+    let each = large.map_bytes() as f64 / map.landmarks.len() as f64;
+    assert!((850.0..1050.0).contains(&each), "{each}");
     cases.push((format!("{} landmarks", map.landmarks.len()), large));
     for (name, slam) in cases {
         let told = slam.map_bytes();
