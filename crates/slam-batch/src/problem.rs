@@ -74,6 +74,10 @@ const HUBER_SIGMAS: f64 = 2.5;
 /// heading that its wheels know; the batch does not.
 const TURNING_CENTRE_SIGMA_M: f64 = 0.1;
 
+/// The noise of pixels in a batch over that in the filter. The batch is one rigid whole, which bends where camera and mount are
+/// not what `camera.toml` says; with the noise of single keypoints it would bend for tenths of a pixel.
+const RIGID_FACTOR: f64 = 2.0;
+
 impl Model {
     /// The model that the filter believes, from its configuration, with a turning centre that is free by at least
     /// 0.1 m.
@@ -82,7 +86,7 @@ impl Model {
         let tilts = config.filter.method == Method::Exact;
         let on = |value: f64| if tilts { value } else { 0.0 };
         Self {
-            sigma_px: config.features.sigma_px,
+            sigma_px: RIGID_FACTOR * config.features.sigma_px,
             loss: RobustLoss::Huber {
                 threshold: HUBER_SIGMAS,
             },

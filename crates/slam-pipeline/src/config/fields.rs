@@ -415,7 +415,7 @@ pub const FIELDS: &[Field] = &[
         "px",
         0.01,
         20.0,
-        "noise of a keypoint's coordinates",
+        "noise of the coordinates of the smallest keypoints",
         |c| c.features.sigma_px.into(),
     ),
     field(

@@ -106,7 +106,7 @@ pub struct FeaturesSection {
     pub contrast_threshold: f32,
     /// Edge ratio of SIFT.
     pub edge_ratio: f32,
-    /// Pixel noise of a keypoint.
+    /// Noise of a coordinate of the smallest keypoints, standard deviation; it grows with the size of a keypoint.
     pub sigma_px: f64,
 }
 
@@ -270,7 +270,7 @@ impl Default for FeaturesSection {
             max_keypoints: 1000,
             contrast_threshold: 0.04,
             edge_ratio: 10.0,
-            sigma_px: 0.6,
+            sigma_px: 0.3,
         }
     }
 }

@@ -27,7 +27,7 @@ pub(crate) fn associate<'a>(
     prior: &MotionPrior,
     params: &AssociationParams,
 ) -> Association<'a> {
-    let in_view = predict(rig, catalogue, reference, prior, params.sigma_px);
+    let in_view = predict(rig, catalogue, reference, prior, params.gate_sigma_px());
     let pairs = Matcher {
         frame,
         catalogue,

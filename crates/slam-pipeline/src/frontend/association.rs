@@ -24,10 +24,22 @@ pub(crate) struct AssociationParams {
     pub(crate) guided_ratio: f32,
     /// A depth is open while sigma_rho / rho exceeds this.
     pub(crate) open_depth: f64,
-    /// Pixel noise, standard deviation.
+    /// Noise of the smallest keypoints, standard deviation, pixels.
     pub(crate) sigma_px: f64,
     /// Linearisations of the consensus.
     pub(crate) iterations: usize,
+}
+
+/// Gates and consensus allow this many times the noise of a keypoint: a keypoint that an estimate must not believe
+/// that much may still be one of the landmark. With gates as narrow as the noise landmarks are lost and started again.
+const GATE_FACTOR: f64 = 2.0;
+
+impl AssociationParams {
+    /// The noise of a keypoint in gates and consensus, standard deviation, pixels.
+    #[must_use]
+    pub(crate) fn gate_sigma_px(&self) -> f64 {
+        GATE_FACTOR * self.sigma_px
+    }
 }
 
 /// A keypoint matched to a landmark.

@@ -31,13 +31,13 @@ pub(crate) fn consensus<'a>(
         let (id, predicted) = &in_view.landmarks()[position];
         let mut prepared = predicted.prepared;
         prepared.pixel = pixel;
-        prepared.noise = PixelNoise::shaped(&frame.shape[k], params.sigma_px);
+        prepared.noise = PixelNoise::shaped(&frame.shape[k], params.gate_sigma_px());
         prepared.scoring = scoring(rig, &prepared, prior, params);
         let nis = mahalanobis_2d(&(pixel - predicted.pixel), &predicted.covariance);
         let feature = MatchedFeature {
             id: *id,
             pixel,
-            noise: prepared.noise,
+            noise: frame.noise(k, params.sigma_px),
             scoring: prepared.scoring,
             prototype: predicted.prototype,
         };

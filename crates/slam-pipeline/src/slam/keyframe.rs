@@ -345,7 +345,7 @@ impl Slam {
                     self.rig.pinhole(),
                     self.state.keyframe,
                     &pixel,
-                    &PixelNoise::shaped(&seen.frame.shape[k], sigma_px),
+                    &seen.frame.noise(k, sigma_px),
                     depth,
                 ),
                 sighting: self.sighting(pixel),

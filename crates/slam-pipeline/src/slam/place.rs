@@ -147,7 +147,7 @@ impl Slam {
                     point_covariance: point.covariance,
                     seen_from: geometry.anchor()?.centre,
                     pixel_ideal: frame.ideal[k]?,
-                    sigma_px: self.association.sigma_px,
+                    sigma_px: self.association.gate_sigma_px(),
                     shape: frame.shape[k],
                     quality: candidate.quality,
                 })
