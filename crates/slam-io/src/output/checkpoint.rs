@@ -25,7 +25,7 @@ use crate::sequence::Sequence;
 
 const MAGIC: &[u8; 8] = b"MONOCKPT";
 /// Version written, and the only one read.
-const FORMAT_VERSION: u32 = 2;
+const FORMAT_VERSION: u32 = 3;
 const CHECKSUM_BYTES: usize = 4;
 /// Length of a value beyond which a message names its checksum only.
 const QUOTED: usize = 80;

@@ -47,7 +47,7 @@ impl MapUpdate<Particle, FrameObservation> for Mapping<'_> {
     ) -> Result<(), Infallible> {
         match particle.prior.take() {
             Some(drawn) => self.arrive(particle, &drawn.prior, observation),
-            None => self.map(particle, observation),
+            None => self.map(particle, 0.0, observation),
         }
         Ok(())
     }
@@ -62,10 +62,10 @@ impl Mapping<'_> {
         observation: &FrameObservation,
     ) {
         particle.metric = particle.metric.condition_on_pose(prior, &particle.pose);
-        self.map(particle, observation);
+        self.map(particle, prior.scale_drift_variance, observation);
     }
 
-    fn map(&self, particle: &mut Particle, observation: &FrameObservation) {
+    fn map(&self, particle: &mut Particle, scale_drift: f64, observation: &FrameObservation) {
         let update = LandmarkUpdate {
             pinhole: self.rig.pinhole(),
             points: AxisPoints::new(&self.points),
@@ -74,6 +74,7 @@ impl Mapping<'_> {
         particle.path.push(Keyframe {
             pose: particle.pose,
             camera,
+            scale: particle.metric.scale_note(scale_drift),
         });
         if self.frozen {
             return;

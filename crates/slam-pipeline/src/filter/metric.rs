@@ -29,6 +29,26 @@ pub(crate) struct MetricState {
     pub(crate) covariance: SMatrix<f64, AXES, AXES>,
 }
 
+/// The scale, metres per unit, as it was known when the path came to a keyframe.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ScaleNote {
+    /// Mean.
+    pub(crate) mean: f64,
+    /// Variance.
+    pub(crate) variance: f64,
+    /// Variance of its drift since the keyframe before.
+    pub(crate) drift: f64,
+}
+
+impl ScaleNote {
+    /// The unit is the metre.
+    pub(crate) const METRE: Self = Self {
+        mean: 1.0,
+        variance: 0.0,
+        drift: 0.0,
+    };
+}
+
 impl MetricState {
     /// Axis of the scale, metres per unit of the particle.
     pub(crate) const SCALE: usize = 0;
@@ -75,6 +95,16 @@ impl MetricState {
     #[must_use]
     pub(crate) fn scale(&self) -> f64 {
         self.mean[Self::SCALE]
+    }
+
+    /// The scale of a keyframe, after a drift of this variance since the one before.
+    #[must_use]
+    pub(crate) fn scale_note(&self, drift: f64) -> ScaleNote {
+        ScaleNote {
+            mean: self.scale(),
+            variance: self.covariance[(Self::SCALE, Self::SCALE)],
+            drift,
+        }
     }
 
     /// Mean position of the body, metres.

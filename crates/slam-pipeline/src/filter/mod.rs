@@ -20,6 +20,7 @@ pub(crate) mod linearised;
 pub(crate) mod local_batch;
 pub(crate) mod mapping;
 pub(crate) mod metric;
+pub(crate) mod metric_path;
 pub(crate) mod motion;
 pub(crate) mod observation;
 pub(crate) mod particle;

@@ -8,8 +8,8 @@ use mono_geometry::{PlacedCamera, Se2};
 use nalgebra::{Vector2, Vector3};
 use rbpf_core::{CowMap, PersistentPath};
 
-use super::landmark::{Landmark, PointEstimate};
-use super::metric::MetricState;
+use super::landmark::Landmark;
+use super::metric::{MetricState, ScaleNote};
 use super::motion::{Departure, MotionPrior};
 use super::pose::{CameraPose, PoseMatrix};
 
@@ -20,13 +20,13 @@ pub(crate) struct Keyframe {
     pub(crate) pose: CameraPose,
     /// The camera in the particle's world and unit.
     pub(crate) camera: PlacedCamera,
+    /// Its scale.
+    pub(crate) scale: ScaleNote,
 }
 
-/// The world of a particle in metres: its unit world with one scale for all, the present one, so that path and map agree in
-/// every pixel.
+/// The world of a particle in metres as it measures it now: one scale for all, the present one.
 ///
-/// The position in the metric state says where the body is now. For the past it would be worth less: a body that was placed
-/// by what was known of the scale at its time agrees with nothing that is seen from elsewhere.
+/// Far from here, where the unit has drifted since, [`super::metric_path::MetricPath`] knows better.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct MetricWorld {
     lever_m: Vector2<f64>,
@@ -150,22 +150,5 @@ impl Particle {
                 .map_or_else(Vector3::zeros, |k| k.camera.centre),
             scale: self.metric.scale(),
         }
-    }
-
-    /// World position of a landmark in metres, with its covariance; `None` while its depth is not positive.
-    #[must_use]
-    pub(crate) fn metric_point(
-        &self,
-        landmark: &Landmark,
-        world: &MetricWorld,
-    ) -> Option<PointEstimate> {
-        let point = landmark.point(&self.geometry(landmark)?)?;
-        if landmark.anchor().is_none() {
-            return Some(point);
-        }
-        Some(PointEstimate {
-            position: world.position(&point.position),
-            covariance: point.covariance * (world.scale * world.scale),
-        })
     }
 }

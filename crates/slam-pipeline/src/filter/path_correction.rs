@@ -7,6 +7,7 @@ use estimation_base::wrap;
 use nalgebra::{Matrix3, Vector2};
 use rbpf_core::MappedNodes;
 
+use super::metric_path::MetricPath;
 use super::particle::{Keyframe, Particle};
 use super::revisit::Correction;
 
@@ -19,6 +20,8 @@ pub(crate) struct PathCorrection {
     pub(crate) scale: f64,
     /// Error of the height at the present, in the unit.
     pub(crate) height: f64,
+    /// Whether keyframes k and k + 1 have one unit.
+    pub(crate) tied: Vec<bool>,
     /// Position of the camera in the body, metres.
     pub(crate) lever_m: Vector2<f64>,
 }
@@ -35,7 +38,9 @@ impl PathCorrection {
                 continue;
             };
             particle.pose = last.pose;
-            let body = particle.metric_world(self.lever_m).body(&particle.pose);
+            let now = particle.path.len() as u32 - 1;
+            let body =
+                MetricPath::new(particle, self.lever_m, &self.tied).body(now, &particle.pose);
             particle.metric.place_by_landmarks(&body);
             particle.origin = None;
             particle.prior = None;

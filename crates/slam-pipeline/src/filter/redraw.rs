@@ -131,13 +131,12 @@ impl PathRedraw<'_> {
         };
         let poses = gaussian.path(&tangents);
         let Some(last) = poses.last() else { return };
-        particle.path = origin.path.clone();
-        for pose in &poses {
-            particle.path.push(self.driver.keyframe(*pose));
-        }
         particle.pose = *last;
         particle.prior = None;
-        particle.metric = self.driver.metric(origin, self.steps, &poses);
+        particle.path = origin.path.clone();
+        let (keyframes, metric) = self.driver.keyframes(origin, self.steps, &poses);
+        particle.path.extend(keyframes);
+        particle.metric = metric;
         if self.driver.mapping.frozen {
             return;
         }

@@ -59,35 +59,32 @@ impl SegmentDriver<'_> {
         particle
     }
 
-    /// The metric state at the end of the same drive.
+    /// The keyframes of the same drive, and the metric state at its end.
     #[must_use]
-    pub(crate) fn metric(
+    pub(crate) fn keyframes(
         &self,
         start: &Particle,
         steps: &[Arc<WindowStep>],
         poses: &[CameraPose],
-    ) -> MetricState {
+    ) -> (Vec<Keyframe>, MetricState) {
         let mut departure = start.departure();
         let mut metric = start.metric;
+        let mut keyframes = Vec::with_capacity(poses.len());
         for (step, pose) in steps.iter().zip(poses) {
             let prior =
                 step.carrier
                     .prior(&self.rig.lever_m(), &departure, &step.observation.control);
             metric = metric.condition_on_pose(&prior, pose);
+            keyframes.push(Keyframe {
+                pose: *pose,
+                camera: pose.place(self.rig),
+                scale: metric.scale_note(prior.scale_drift_variance),
+            });
             departure.pose = *pose;
             departure.constants = metric.constants();
             departure.constants_covariance = metric.constants_covariance();
         }
-        metric
-    }
-
-    /// The keyframe of a pose.
-    #[must_use]
-    pub(crate) fn keyframe(&self, pose: CameraPose) -> Keyframe {
-        Keyframe {
-            pose,
-            camera: pose.place(self.rig),
-        }
+        (keyframes, metric)
     }
 }
 

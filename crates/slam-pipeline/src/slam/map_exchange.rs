@@ -8,6 +8,8 @@ use super::{Slam, SlamError};
 use crate::config::ValidConfig;
 use crate::filter::drift::Drift;
 use crate::filter::landmark::{Landmark, Parametrisation};
+use crate::filter::metric::ScaleNote;
+use crate::filter::metric_path::MetricPath;
 use crate::filter::particle::{Keyframe, Particle};
 use crate::filter::pose::CameraPose;
 use crate::frontend::catalogue::{Entry, Stage};
@@ -27,25 +29,24 @@ impl Slam {
     pub fn known_map(&self) -> KnownMap {
         let set = self.state.filter.set();
         let best = &set.particles()[set.best()];
-        let world = best.metric_world(self.rig.lever_m());
+        let world = MetricPath::new(best, self.rig.lever_m(), &self.tied());
         let keyframes = best
             .path
             .iter()
             .enumerate()
             .map(|(index, keyframe)| {
-                let body = world.body(&keyframe.pose);
+                let body = world.body(index as u32, &keyframe.pose);
                 let camera = &keyframe.camera;
                 KnownKeyframe {
                     world_from_camera: Se3::new(
                         Rotation3::from_matrix_unchecked(camera.camera_from_world.transpose()),
-                        world.position(&camera.centre),
+                        world.position(index as u32, &camera.centre),
                     ),
                     body,
                     covariance: self.keyframe_covariance(index as u32, &body),
                 }
             })
             .collect();
-        let scale = best.metric.scale();
         let landmarks = self
             .state
             .catalogue
@@ -54,7 +55,7 @@ impl Slam {
             .filter_map(|(id, entry)| {
                 let (anchor, parameters, covariance) = anchored(best, best.map.get(id)?, entry)?;
                 let mut unit = Matrix3::identity();
-                unit[(2, 2)] = 1.0 / scale;
+                unit[(2, 2)] = 1.0 / world.scale(anchor);
                 Some(KnownLandmark {
                     id,
                     anchor,
@@ -250,6 +251,7 @@ fn known(keyframe: &KnownKeyframe, rig: &Rig) -> Keyframe {
     Keyframe {
         pose: pose_of_camera(&camera, rig),
         camera,
+        scale: ScaleNote::METRE,
     }
 }
 

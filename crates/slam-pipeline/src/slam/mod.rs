@@ -30,6 +30,7 @@ mod standing;
 mod stored;
 #[cfg(test)]
 mod tests;
+mod tied;
 mod window;
 
 use mono_geometry::Se2;

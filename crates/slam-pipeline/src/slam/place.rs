@@ -11,6 +11,7 @@ use super::Slam;
 use super::feature_budget::strongest_unused;
 use super::keyframe::Seen;
 use super::map_exchange::pose_of_camera;
+use crate::filter::metric_path::MetricPath;
 use crate::filter::motion::MotionPrior;
 use crate::filter::particle::Particle;
 use crate::filter::pose::CameraPose;
@@ -163,7 +164,8 @@ impl Slam {
         reference: &Particle,
         pose: CameraPose,
     ) -> Option<Place<'a>> {
-        let body = reference.metric_world(self.rig.lever_m()).body(&pose);
+        let world = MetricPath::new(reference, self.rig.lever_m(), &self.tied());
+        let body = world.body_anywhere(&pose);
         let mut reference = reference.clone();
         reference.stand_at(pose, &body);
         let control = self.unknown_motion();

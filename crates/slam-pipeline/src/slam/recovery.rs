@@ -17,6 +17,7 @@ use super::lost::{Hypothesis, Lost};
 use super::place::Place;
 use super::{PoseEstimate, Slam, SlamError, State};
 use crate::filter::linearised::PosePosterior;
+use crate::filter::metric_path::MetricPath;
 use crate::filter::motion::CarrierModel;
 use crate::filter::particle::Particle;
 use crate::filter::pose::CameraPose;
@@ -229,11 +230,11 @@ impl Slam {
             places = anywhere.into_iter().map(|p| (p.found, p)).collect();
         }
         places.sort_by_key(|(found, _)| core::cmp::Reverse(*found));
-        let world = reference.metric_world(self.rig.lever_m());
+        let world = MetricPath::new(reference, self.rig.lever_m(), &self.tied());
         let mut kept: Vec<(Hypothesis, Place<'a>)> = Vec::new();
         for (found, place) in places {
             let pose = place.pose();
-            let body = world.body(&pose);
+            let body = world.body_anywhere(&pose);
             let is_open = kept.first().is_none_or(|(best, _)| {
                 let (more, less) = (best.found as f64, found as f64);
                 more - less < TOLD_APART * (more + less).sqrt()

@@ -3,6 +3,7 @@
 use mono_geometry::Se2;
 
 use super::{MapLandmark, Slam};
+use crate::filter::metric_path::MetricPath;
 use crate::frontend::catalogue::Stage;
 
 impl Slam {
@@ -11,12 +12,13 @@ impl Slam {
     pub fn smoothed_path(&self) -> Vec<Se2> {
         let set = self.state.filter.set();
         let best = &set.particles()[set.best()];
-        let world = best.metric_world(self.rig.lever_m());
+        let world = MetricPath::new(best, self.rig.lever_m(), &self.tied());
         self.state
             .path
             .iter()
             .filter_map(|frame| {
-                let body = world.body(&best.path.get(frame.keyframe as usize)?.pose);
+                let pose = best.path.get(frame.keyframe as usize)?.pose;
+                let body = world.body(frame.keyframe, &pose);
                 Some(Se2::new(body.x, body.y, body.phi).compose(&frame.keyframe_from_body))
             })
             .collect()
@@ -27,14 +29,15 @@ impl Slam {
     pub fn landmarks(&self) -> Vec<MapLandmark> {
         let set = self.state.filter.set();
         let best = &set.particles()[set.best()];
-        let world = best.metric_world(self.rig.lever_m());
+        let world = MetricPath::new(best, self.rig.lever_m(), &self.tied());
         self.state
             .catalogue
             .iter()
             .filter(|(_, e)| e.stage == Stage::Mapped)
             .filter_map(|(id, entry)| {
                 let landmark = best.map.get(id)?;
-                let point = best.metric_point(landmark, &world)?;
+                let anchor = landmark.anchor().unwrap_or(entry.first.keyframe);
+                let point = world.point(best, landmark, anchor)?;
                 Some(MapLandmark {
                     id,
                     position: point.position,

@@ -216,6 +216,8 @@ impl Slam {
             errors,
             scale,
             height: recent.pose.centre.z - place.solved.pose.centre.z,
+            // The place is the present of its anchors.
+            tied: self.tied_since(oldest(&place.anchors)),
             lever_m: self.rig.lever_m(),
         };
         let mut moved = ground.clone();
@@ -282,8 +284,7 @@ impl Slam {
 
     /// The variances of an error that any path of this length may have.
     fn believable(&self, here: &Vector2<f64>, anchors: &[(u32, f64)]) -> Matrix3<f64> {
-        let oldest = anchors.iter().map(|(a, _)| *a).min().unwrap_or(0);
-        let length = self.state.drift.length_since(oldest, here);
+        let length = self.state.drift.length_since(oldest(anchors), here);
         let turn = TURN_SHARE * length.sqrt();
         let side = DRIFT_SHARE * length;
         Matrix3::from_diagonal(&Vector3::new(side * side, side * side, turn * turn))
@@ -329,6 +330,11 @@ fn anchors(particle: &Particle, landmarks: &[(u32, Prepared)]) -> Vec<(u32, f64)
         }
     }
     shares
+}
+
+/// The first of `anchors`.
+fn oldest(anchors: &[(u32, f64)]) -> u32 {
+    anchors.iter().map(|(a, _)| *a).min().unwrap_or(0)
 }
 
 /// Mean distance of `landmarks` from `centre`, in the unit of the particle.

@@ -289,7 +289,7 @@ fn checkpoints() -> Vec<Fault> {
                     seal(b);
                 });
             },
-            Refused(&["out.checkpoint: expected ", "version 2"]),
+            Refused(&["out.checkpoint: expected ", "version 3"]),
         ),
         row(
             "its state is cut and its checksum fits",

@@ -2,7 +2,8 @@
 
 use crate::filter::landmark::{Landmark, Parametrisation};
 use crate::filter::mapping::{Mapping, two_view};
-use crate::filter::metric::MetricState;
+use crate::filter::metric::ScaleNote;
+use crate::filter::metric_path::MetricPath;
 use crate::filter::observation::{
     FrameObservation, Initialisation, MatchedFeature, Scoring, Sighting,
 };
@@ -23,6 +24,7 @@ fn keyframe(pose: &CameraPose) -> Keyframe {
     Keyframe {
         pose: *pose,
         camera: place(pose),
+        scale: ScaleNote::METRE,
     }
 }
 
@@ -194,10 +196,12 @@ fn second_sighting_starts_a_landmark_and_removal_ends_it() {
         "{}",
         landmark.depth_openness()
     );
-    // In metres: the scale stretches the world about the start.
-    started.metric.mean[MetricState::SCALE] = 1.1;
-    let world = started.metric_world(Vector2::zeros());
-    let metric = started.metric_point(&landmark, &world).unwrap();
+    // In metres: the scale stretches the world about the start, where it is one from there on.
+    let mut stretched = started.path.clone();
+    stretched.last_mut().unwrap().scale.mean = 1.1;
+    started.path = stretched;
+    let world = MetricPath::new(&started, Vector2::zeros(), &[true; 8]);
+    let metric = world.point(&started, &landmark, 0).unwrap();
     let unit = landmark.point(&p.geometry(&landmark).unwrap()).unwrap();
     assert!((metric.position - unit.position * 1.1).norm() < 1e-12);
     assert!((metric.covariance - unit.covariance * 1.21).norm() < 1e-12);

@@ -6,6 +6,7 @@ use crate::filter::first_order::first_order_posterior;
 use crate::filter::landmark::projected_covariance;
 use crate::filter::likelihood::Likelihood;
 use crate::filter::linearised::pose_posterior;
+use crate::filter::metric::ScaleNote;
 use crate::filter::motion::{CarrierModel, MotionPrior};
 use crate::filter::observation::{FrameObservation, MatchedFeature, Prepared, Scoring};
 use crate::filter::particle::{Keyframe, Particle};
@@ -300,6 +301,7 @@ fn open_depth_tells_nothing_along_the_baseline() {
     p.path.push(Keyframe {
         pose: start,
         camera: anchor,
+        scale: ScaleNote::METRE,
     });
     let carrier = planar_carrier();
     let prior = carrier.prior(

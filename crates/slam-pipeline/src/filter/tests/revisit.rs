@@ -9,6 +9,8 @@ use rbpf_core::PersistentPath;
 
 use super::common::{normal, particle, place, pose, rng};
 use crate::filter::drift::{Draw, Drift, Support, transport};
+use crate::filter::metric::ScaleNote;
+use crate::filter::metric_path::MetricPath;
 use crate::filter::particle::{Keyframe, Particle};
 use crate::filter::path_correction::PathCorrection;
 use crate::filter::revisit::Revisit;
@@ -171,11 +173,57 @@ fn path_of(bodies: &[Se2]) -> Particle {
             Keyframe {
                 pose,
                 camera: place(&pose),
+                scale: ScaleNote::METRE,
             }
         })
         .collect::<PersistentPath<_>>();
     p.pose = p.path.last().unwrap().pose;
     p
+}
+
+/// A loop that closed on a street put the robot where one scale for the whole street has it: by as much beside its
+/// position as the unit had drifted.
+#[test]
+fn regress_a_robot_that_closes_a_loop_stands_where_its_own_scale_says() {
+    let bodies: Vec<Se2> = (0..30)
+        .map(|k| Se2::new(0.1 * f64::from(k), 0.0, 0.0))
+        .collect();
+    let mut drift = Drift::keeping(WINDOW as u32);
+    for body in &bodies {
+        drift.push(body, None, &step_noise(), &Draw::Final);
+    }
+    let here = Vector2::new(bodies[29].x, bodies[29].y);
+    let noise = Matrix3::identity() * 1e-12;
+    let revisit = Revisit::new(&drift, &here, &[(25, 1.0)], &noise).unwrap();
+    let mut particle = path_of(&bodies);
+    particle.path = particle
+        .path
+        .iter()
+        .enumerate()
+        .map(|(k, keyframe)| Keyframe {
+            scale: ScaleNote {
+                mean: 1.0 - 0.01 * k as f64,
+                variance: 1e-12,
+                drift: 1e-4,
+            },
+            ..*keyframe
+        })
+        .collect::<PersistentPath<_>>();
+    let tied: Vec<bool> = (0..30).map(|k| k >= 25).collect();
+    let expected = MetricPath::new(&particle, Vector2::zeros(), &tied).body(29, &particle.pose);
+    let correction = PathCorrection {
+        errors: revisit.correction(&Vector3::zeros()).unwrap(),
+        scale: 1.0 - 0.29,
+        height: 0.0,
+        tied,
+        lever_m: Vector2::zeros(),
+    };
+    let mut particles = vec![particle];
+    correction.apply(&mut particles);
+    let stands = particles[0].metric.position();
+    assert!((stands.x - expected.x).abs() < 1e-12, "{stands}");
+    // The sum of the steps in the scale of each; all in the last scale are 0.4 m less.
+    assert!((stands.x - 2.5).abs() < 0.1, "{stands}");
 }
 
 /// An error that is rigid from keyframe 0 on moves and turns the whole path; a point that moves with its anchor is seen
@@ -206,6 +254,7 @@ fn a_rigid_error_leaves_every_pixel_where_it_was() {
         errors: revisit.correction(&h).unwrap(),
         scale: 1.0,
         height: 0.0,
+        tied: Vec::new(),
         lever_m: Vector2::zeros(),
     };
     let original = path_of(&bodies);

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::filter::landmark::{Landmark, Parametrisation};
 use crate::filter::linearised::{PoseLinearisation, PosePosterior};
+use crate::filter::metric::ScaleNote;
 use crate::filter::motion::{CarrierModel, MotionPrior};
 use crate::filter::observation::Sighting;
 use crate::filter::particle::Keyframe;
@@ -38,6 +39,7 @@ fn keyframe(pose: CameraPose) -> Keyframe {
     Keyframe {
         pose,
         camera: place(&pose),
+        scale: ScaleNote::METRE,
     }
 }
 
