@@ -1,19 +1,19 @@
 //! The features of the frames, detected one frame ahead of the filter.
 //!
-//! Features depend on nothing but their image, so those of the next frame are found while the filter works on this one.
+//! Features and the small picture of a frame depend on nothing but its image, so those of the next frame are found while the filter works on this one.
 //! The result is the same as one after the other; with one thread it is one after the other.
 
-use slam_io::{GreyImage, Sequence};
+use slam_io::{FrameSnapshot, Sequence};
 use vision_sift::{Detector, Features, GrayImage, Workspace};
 
 use crate::run_error::RunError;
 use crate::stopwatch::{Clock, Lap};
 
-/// An image with its features and the times that they took.
+/// What an image shows and the times that it took.
 pub(crate) struct Detected {
-    /// The image.
-    pub(crate) image: GreyImage,
-    /// Its features.
+    /// The picture for the report, without keypoints, of an image that is kept.
+    pub(crate) snapshot: Option<FrameSnapshot>,
+    /// The features.
     pub(crate) features: Features,
     /// Time to decode the image, milliseconds.
     pub(crate) decode_ms: f64,
@@ -52,11 +52,14 @@ impl<'a> FrameDetector<'a> {
         let view = GrayImage::new(image.width, image.height, &image.pixels)?;
         self.detector
             .detect(&view, &mut self.workspace, &mut features)?;
+        let features_ms = lap.lap_ms();
+        let frames = self.sequence.images.len();
         Ok(Detected {
-            image,
+            snapshot: FrameSnapshot::is_kept(index, frames)
+                .then(|| FrameSnapshot::of_image(index, frames, &image)),
             features,
             decode_ms,
-            features_ms: lap.lap_ms(),
+            features_ms,
         })
     }
 }

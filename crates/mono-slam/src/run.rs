@@ -4,8 +4,8 @@ use mono_geometry::Camera;
 use mono_geometry::motion::{OdometrySample, exact_arc};
 use rayon::ThreadPool;
 use slam_io::{
-    DrawnKeypoint, FrameRecord, FrameSnapshot, OdometrySource, RunRecord, RunScale, Sequence,
-    StageTimes, configuration,
+    DrawnKeypoint, FrameRecord, OdometrySource, RunRecord, RunScale, Sequence, StageTimes,
+    configuration,
 };
 use slam_pipeline::config::ValidConfig;
 use slam_pipeline::{
@@ -199,7 +199,7 @@ impl<'a> Run<'a> {
                 None => pool.install(|| detector.detect(index)),
             };
             let Detected {
-                image,
+                snapshot,
                 features,
                 decode_ms,
                 features_ms,
@@ -240,10 +240,9 @@ impl<'a> Run<'a> {
             collected.repeated.observe(index, &features);
             collected.recording.push(&features, &report, &odometry);
             let keypoints = std::mem::take(&mut report.keypoints);
-            if FrameSnapshot::is_kept(index, count) {
+            if let Some(snapshot) = snapshot {
                 let drawn = drawn(&features, &keypoints, &rig.camera);
-                let snapshot = FrameSnapshot::of_frame(index, count, &image, &drawn);
-                collected.snapshots.push(snapshot);
+                collected.snapshots.push(snapshot.with_keypoints(&drawn));
             }
             let landmarks = report.landmarks;
             collected.frames.push(FrameRecord {

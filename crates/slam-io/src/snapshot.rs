@@ -53,15 +53,9 @@ impl FrameSnapshot {
         index.is_multiple_of(stride(frames))
     }
 
-    /// Frame `index` of a run of `frames` frames. Positions are rounded to a tenth of a pixel; keypoints that are not
-    /// finite are left out.
+    /// Frame `index` of a run of `frames` frames, without keypoints.
     #[must_use]
-    pub fn of_frame(
-        index: usize,
-        frames: usize,
-        image: &GreyImage,
-        keypoints: &[DrawnKeypoint],
-    ) -> Self {
+    pub fn of_image(index: usize, frames: usize, image: &GreyImage) -> Self {
         let kept = frames.div_ceil(stride(frames)).max(1);
         let most = (PICTURE_BYTES / kept).min(MOST_PICTURE_BYTES);
         FrameSnapshot {
@@ -69,7 +63,16 @@ impl FrameSnapshot {
             width: image.width,
             height: image.height,
             jpeg: image.small_jpeg(most).unwrap_or_default(),
+            keypoints: Vec::new(),
+        }
+    }
+
+    /// The same with these keypoints. Positions are rounded to a tenth of a pixel; keypoints that are not finite are left out.
+    #[must_use]
+    pub fn with_keypoints(self, keypoints: &[DrawnKeypoint]) -> Self {
+        FrameSnapshot {
             keypoints: keypoints.iter().filter_map(rounded).collect(),
+            ..self
         }
     }
 }

@@ -216,7 +216,7 @@ fn converted(
             predicted: k.predicted,
         })
         .collect();
-    Ok(FrameSnapshot::of_frame(index, frames, &image, &keypoints))
+    Ok(FrameSnapshot::of_image(index, frames, &image).with_keypoints(&keypoints))
 }
 
 fn bytes(path: &Path, index: usize, base64: &str) -> Result<Vec<u8>, OutputError> {

@@ -255,7 +255,7 @@ fn pictures_of_a_run_are_bounded() {
             kept == frames || (frames > 240 && (120..=240).contains(&kept)),
             "{kept}"
         );
-        let snapshot = FrameSnapshot::of_frame(0, frames, &image, &[]);
+        let snapshot = FrameSnapshot::of_image(0, frames, &image);
         assert!(kept * snapshot.jpeg.len() < 320_000, "{frames}");
         sizes.push(snapshot.jpeg.len());
     }

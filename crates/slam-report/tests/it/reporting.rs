@@ -256,7 +256,7 @@ fn long_run(length: usize) -> RunRecord {
             predicted: Some([(noise() % 320) as f32, (noise() % 240) as f32]),
         })
         .collect();
-    let snapshot = FrameSnapshot::of_frame(0, length, &image, &keypoints);
+    let snapshot = FrameSnapshot::of_image(0, length, &image).with_keypoints(&keypoints);
     run.snapshots = (0..length)
         .filter(|&index| FrameSnapshot::is_kept(index, length))
         .map(|index| FrameSnapshot {

@@ -141,15 +141,17 @@ pub(crate) fn small_run() -> RunRecord {
                 .map(|index| (0.1 * index as f64, truth(index)))
                 .collect(),
         ),
-        snapshots: vec![FrameSnapshot::of_frame(
-            4,
-            FRAMES,
-            &GreyImage {
-                width: 16,
-                height: 8,
-                pixels: (0..128).collect(),
-            },
-            &[
+        snapshots: vec![
+            FrameSnapshot::of_image(
+                4,
+                FRAMES,
+                &GreyImage {
+                    width: 16,
+                    height: 8,
+                    pixels: (0..128).collect(),
+                },
+            )
+            .with_keypoints(&[
                 DrawnKeypoint {
                     x: 3.5,
                     y: 2.25,
@@ -164,8 +166,8 @@ pub(crate) fn small_run() -> RunRecord {
                     fate: KeypointFate::New,
                     predicted: None,
                 },
-            ],
-        )],
+            ]),
+        ],
         configuration: "[filter]\nmethod = \"novel\" # <script>alert(1)</script>\n".into(),
         seed: 7,
         particles: 50,
