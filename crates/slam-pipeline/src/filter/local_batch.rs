@@ -10,14 +10,16 @@
 use std::sync::Arc;
 
 use estimation_base::Manifold;
-use nalgebra::{DMatrix, DVector, Matrix3, Rotation2, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Matrix3, Rotation2, SMatrix, Vector2, Vector3};
 
 use super::landmark::{Landmark, Parametrisation};
 use super::motion::CONSTANTS;
 use super::particle::Particle;
 use super::pose::{CameraPose, PLANAR, POSE_DIM, PoseStep};
 use super::segment::{SegmentDriver, WindowStep, recent_poses};
-use super::window_equations::{Elimination, NormalEquations, Unknowns, WindowProblem};
+use super::window_equations::{
+    Elimination, NormalEquations, PoseBlock, Unknowns, WindowProblem, row_of,
+};
 use super::window_landmarks::{Track, tracks};
 
 /// Steps tried, accepted or not.
@@ -33,12 +35,11 @@ const SETTLED: f64 = 0.02;
 pub(crate) struct SegmentGaussian {
     /// Mean of each pose.
     pub(crate) mean: Vec<CameraPose>,
-    /// Lower Cholesky factor G of the precision of the stacked tangents.
-    pub(crate) precision_factor: DMatrix<f64>,
+    /// Lower Cholesky factor of the precision of the constants of the carrier and the stacked tangents together. What is below
+    /// and right of the constants is G.
+    pub(crate) factor: DMatrix<f64>,
     /// The landmarks of the window, by identity.
     pub(crate) landmarks: Vec<WindowLandmark>,
-    /// Precision of the stacked tangents and the constants of the carrier together.
-    pub(crate) precision: DMatrix<f64>,
     /// Metres per unit.
     pub(crate) scale: f64,
     /// Where the camera was at the beginning, in the unit.
@@ -62,14 +63,21 @@ impl SegmentGaussian {
     /// Number of unknowns, six a pose.
     #[must_use]
     pub(crate) fn dimension(&self) -> usize {
-        self.precision_factor.nrows()
+        self.factor.nrows() - CONSTANTS
+    }
+
+    /// Lower Cholesky factor G of the precision of the stacked tangents.
+    #[must_use]
+    pub(crate) fn precision_factor(&self) -> DMatrixView<'_, f64> {
+        let n = self.dimension();
+        self.factor.view((CONSTANTS, CONSTANTS), (n, n))
     }
 
     /// The stacked tangents G^-T `normal`: a draw about the mean, if `normal` is one of N(0, I). `None` when the factor is
     /// singular.
     #[must_use]
     pub(crate) fn tangents(&self, normal: &DVector<f64>) -> Option<Vec<PoseStep>> {
-        let stacked = self.precision_factor.tr_solve_lower_triangular(normal)?;
+        let stacked = self.precision_factor().tr_solve_lower_triangular(normal)?;
         Some(
             (0..self.mean.len())
                 .map(|k| stacked.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned())
@@ -79,13 +87,13 @@ impl SegmentGaussian {
 
     /// Covariance of the body poses (x, y, heading; metres, rad), three rows a keyframe, given the pose at the beginning, with
     /// the camera at `lever_m` from the body origin. A camera measures no length: the unit of the path and the scale err
-    /// together, their product by much less. `None` when the precision is singular. O((6 L)^3).
+    /// together, their product by much less. `None` when the factor is singular. O((6 L)^3).
     #[must_use]
     pub(crate) fn body_covariance(&self, lever_m: &Vector2<f64>) -> Option<DMatrix<f64>> {
-        let scale_row = self.dimension();
-        let mut by_unknowns = DMatrix::zeros(scale_row + CONSTANTS, 3 * self.mean.len());
+        let scale_row = 0;
+        let mut by_unknowns = DMatrix::zeros(self.factor.nrows(), 3 * self.mean.len());
         for (k, pose) in self.mean.iter().enumerate() {
-            let (row, column) = (POSE_DIM * k, 3 * k);
+            let (row, column) = (row_of(k), 3 * k);
             let travelled = pose.centre.xy() - self.start;
             let lever = Rotation2::new(pose.phi) * lever_m;
             by_unknowns[(row + PLANAR[0], column)] = self.scale;
@@ -96,8 +104,7 @@ impl SegmentGaussian {
             by_unknowns[(scale_row, column)] = travelled.x;
             by_unknowns[(scale_row, column + 1)] = travelled.y;
         }
-        let factor = self.precision.clone().cholesky()?.unpack();
-        let whitened = factor.solve_lower_triangular(&by_unknowns)?;
+        let whitened = self.factor.solve_lower_triangular(&by_unknowns)?;
         Some(whitened.tr_mul(&whitened))
     }
 
@@ -114,7 +121,12 @@ impl SegmentGaussian {
 
 impl WindowLandmark {
     /// The landmark as the window leaves it, with the prior of its depth.
-    fn new(track: &Track, mean: &Vector3<f64>, part: &Elimination) -> Option<Self> {
+    fn new(
+        track: &Track,
+        mean: &Vector3<f64>,
+        part: &Elimination,
+        blocks: &[(usize, PoseBlock)],
+    ) -> Option<Self> {
         let (weight, guess) = track.depth;
         let mut information = part.information;
         information[(2, 2)] += weight;
@@ -126,8 +138,7 @@ impl WindowLandmark {
             parametrisation: track.parametrisation,
             mean: mean + covariance * vector,
             covariance,
-            by_poses: part
-                .blocks
+            by_poses: blocks
                 .iter()
                 .map(|(k, block)| (*k, -covariance * block.transpose()))
                 .collect(),
@@ -170,31 +181,33 @@ pub(crate) fn segment_gaussian(
         constants: guess.metric.constants(),
         landmarks: problem.tracks.iter().map(|t| t.start).collect(),
     };
-    let (at, normal) = adjust(&problem, first)?;
-    let precision = &normal.precision;
-    let n = POSE_DIM * steps.len();
-    let constants = precision.view((n, n), (CONSTANTS, CONSTANTS)).into_owned();
-    let cross = precision.view((0, n), (n, CONSTANTS)).into_owned();
-    let reduced = precision.view((0, 0), (n, n)).into_owned()
-        - &cross * constants.cholesky()?.solve(&cross.transpose());
+    if first.poses.len() != steps.len() {
+        return None;
+    }
+    let (at, normal, factor) = adjust(&problem, first)?;
     Some(SegmentGaussian {
         landmarks: problem
             .tracks
             .iter()
             .zip(&at.landmarks)
-            .zip(&normal.eliminated)
-            .filter_map(|((track, mean), part)| WindowLandmark::new(track, mean, part.as_ref()?))
+            .zip(normal.eliminated())
+            .filter_map(|((track, mean), part)| {
+                let (part, blocks) = part?;
+                WindowLandmark::new(track, mean, part, blocks)
+            })
             .collect(),
         mean: at.poses,
-        precision_factor: reduced.cholesky()?.unpack(),
-        precision: normal.precision,
+        factor,
         scale: at.constants.x,
         start: start.pose.centre.xy(),
     })
 }
 
-/// Levenberg-Marquardt from `at`: the solution and the normal equations there.
-fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<(Unknowns, NormalEquations)> {
+/// Levenberg-Marquardt from `at`: the solution, the normal equations there and the factor of their matrix.
+fn adjust(
+    problem: &WindowProblem<'_>,
+    mut at: Unknowns,
+) -> Option<(Unknowns, NormalEquations, DMatrix<f64>)> {
     let mut damping = 0.0;
     problem.settle(&mut at);
     let mut normal = problem.normal_equations(&at)?;
@@ -203,11 +216,12 @@ fn adjust(problem: &WindowProblem<'_>, mut at: Unknowns) -> Option<(Unknowns, No
         for i in 0..damped.nrows() {
             damped[(i, i)] *= 1.0 + damping;
         }
-        let step = damped.cholesky()?.solve(&normal.vector);
+        let factor = damped.cholesky()?;
+        let step = factor.solve(&normal.vector);
         if damping == 0.0 && 0.5 * step.dot(&normal.vector) < SETTLED {
-            return Some((at, normal));
+            return Some((at, normal, factor.unpack()));
         }
-        let mut candidate = at.after(&step, &normal.eliminated);
+        let mut candidate = at.after(&step, &normal);
         problem.settle(&mut candidate);
         match problem.normal_equations(&candidate) {
             Some(next) if next.cost < normal.cost => {

@@ -36,3 +36,4 @@ pub(crate) mod tests;
 pub(crate) mod window_equations;
 pub(crate) mod window_landmarks;
 pub(crate) mod window_settling;
+pub(crate) mod window_sight;

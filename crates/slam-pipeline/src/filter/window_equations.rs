@@ -3,18 +3,21 @@
 //! Factors are the motion prior of every step, the Gaussian of each landmark, and every match that scores, both
 //! coordinates, Huber weighted. Landmarks are eliminated (Schur complement) and follow every step.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use estimation_base::Manifold;
-use mono_geometry::inverse_depth::{LandmarkGeometry, turned_anchor, turned_camera};
+use mono_geometry::inverse_depth::{turned_anchor, turned_camera};
 use mono_geometry::{PlacedCamera, tilted_body_axes};
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
+use rayon::prelude::*;
 
 use super::motion::{CONSTANTS, Departure};
 use super::particle::Particle;
 use super::pose::{CameraPose, POSE_DIM, PoseMatrix, PoseStep};
 use super::segment::WindowStep;
 use super::window_landmarks::Track;
+use super::window_sight::Target;
 use crate::rig::Rig;
 
 /// Cost of a sighting whose landmark the pose cannot see.
@@ -22,8 +25,20 @@ pub(crate) const UNSEEN_COST: f64 = 20.0;
 /// Variance that keeps a constant which is known exactly out of a division by zero.
 const LEAST_CONSTANT_VARIANCE: f64 = 1e-14;
 
+/// Parts of the landmarks whose sums are taken side by side before they are added up: the order of the sums does not depend on
+/// the number of threads.
+const PARTS: usize = 4;
+
 /// Derivative of a pixel with respect to a pose tangent.
 type PoseJacobian = SMatrix<f64, 2, POSE_DIM>;
+/// Product of the derivatives by a pose and by a landmark.
+pub(crate) type PoseBlock = SMatrix<f64, POSE_DIM, 3>;
+
+/// The first unknown of pose `k`: the constants come before all poses, so that the factor of the poses alone, with the constants
+/// eliminated, is a corner of that of all unknowns.
+pub(crate) const fn row_of(k: usize) -> usize {
+    CONSTANTS + POSE_DIM * k
+}
 
 /// The measurements of a window and the state at its beginning.
 pub(crate) struct WindowProblem<'a> {
@@ -48,96 +63,103 @@ pub(crate) struct Unknowns {
     pub(crate) landmarks: Vec<Vector3<f64>>,
 }
 
-/// A pose that may be unknown.
-#[derive(Clone, Copy)]
+/// A pose of the window.
 pub(crate) struct Node {
     pub(crate) camera: PlacedCamera,
-    /// Index of the unknown and the angular velocities (world axes) of heading, roll and pitch.
-    unknown: Option<(usize, Matrix3<f64>)>,
+    /// Angular velocities (world axes) of heading, roll and pitch.
+    rates: Matrix3<f64>,
 }
 
 /// One landmark's part of the normal equations.
 pub(crate) struct Elimination {
-    /// Products of the derivatives by pose and by landmark, for each pose of the window that it depends on.
-    pub(crate) blocks: Vec<(usize, SMatrix<f64, POSE_DIM, 3>)>,
+    /// Its place in [`Sums::blocks`].
+    range: Range<usize>,
     /// Information of the landmark given the poses.
     pub(crate) information: Matrix3<f64>,
     inverse: Matrix3<f64>,
     /// Gradient of the landmark.
     pub(crate) vector: Vector3<f64>,
+}
+
+/// Sums over some landmarks.
+struct Sums {
+    /// The matrix of the normal equations, its lower triangle.
+    precision: DMatrix<f64>,
+    /// Their right-hand side.
+    vector: DVector<f64>,
+    /// Products of the derivatives by pose and by landmark, for each landmark and each pose of the window that it depends on.
+    blocks: Vec<(usize, PoseBlock)>,
+    /// The parts by which each landmark follows a step; `None` for one that took no part.
+    eliminated: Vec<Option<Elimination>>,
+    /// Half the sum of the squared residuals, Huber's function of the sightings; up to a constant.
     cost: f64,
 }
 
-/// The normal equations of poses and constants.
+/// The normal equations of constants and poses.
 pub(crate) struct NormalEquations {
-    /// Their matrix.
+    /// The lower triangle of their matrix.
     pub(crate) precision: DMatrix<f64>,
     /// Their right-hand side.
     pub(crate) vector: DVector<f64>,
-    /// The parts by which each landmark follows a step; `None` for one that took no part.
-    pub(crate) eliminated: Vec<Option<Elimination>>,
     /// Half the sum of the squared residuals, Huber's function of the sightings; up to a constant.
     pub(crate) cost: f64,
+    landmarks: Vec<Sums>,
 }
 
 impl WindowProblem<'_> {
-    pub(crate) fn node(&self, poses: &[CameraPose], keyframe: u32) -> Option<Node> {
-        let before = self.start.path.len();
-        match (keyframe as usize).checked_sub(before) {
-            Some(step) => poses.get(step).map(|pose| Node {
-                camera: pose.place(self.rig),
-                unknown: Some((step, tilted_body_axes(pose.phi, pose.pitch))),
-            }),
-            None => self.start.path.get(keyframe as usize).map(|k| Node {
-                camera: k.camera,
-                unknown: None,
-            }),
-        }
+    /// The poses of the window, in order.
+    pub(crate) fn nodes(&self, poses: &[CameraPose]) -> Vec<Node> {
+        let node = |pose: &CameraPose| Node {
+            camera: pose.place(self.rig),
+            rates: tilted_body_axes(pose.phi, pose.pitch),
+        };
+        poses.iter().map(node).collect()
     }
 
-    /// The poses of the window, in order.
-    pub(crate) fn nodes(&self, poses: &[CameraPose]) -> Option<Vec<Node>> {
-        let before = self.start.path.len();
-        (before..before + self.steps.len())
-            .map(|keyframe| self.node(poses, keyframe as u32))
-            .collect()
+    /// The camera of a keyframe, and its place in the window if it is not before it.
+    pub(crate) fn camera(
+        &self,
+        nodes: &[Node],
+        keyframe: u32,
+    ) -> Option<(PlacedCamera, Option<usize>)> {
+        match (keyframe as usize).checked_sub(self.start.path.len()) {
+            Some(step) => nodes.get(step).map(|node| (node.camera, Some(step))),
+            None => (self.start.path.get(keyframe as usize)).map(|k| (k.camera, None)),
+        }
     }
 
     /// The normal equations at `at`; `None` when the motion has no covariance.
     #[must_use]
     pub(crate) fn normal_equations(&self, at: &Unknowns) -> Option<NormalEquations> {
-        let n = POSE_DIM * self.steps.len();
-        let mut precision = DMatrix::zeros(n + CONSTANTS, n + CONSTANTS);
-        let mut vector = DVector::zeros(n + CONSTANTS);
+        let n = row_of(self.steps.len());
+        let mut precision = DMatrix::zeros(n, n);
+        let mut vector = DVector::zeros(n);
         let mut cost = self.add_motion(at, &mut precision, &mut vector)?;
-        let nodes = self.nodes(&at.poses)?;
-        let mut eliminated = Vec::with_capacity(self.tracks.len());
-        for (track, mean) in self.tracks.iter().zip(&at.landmarks) {
-            let part = self.eliminate(at, track, mean, &nodes, &mut precision, &mut vector);
-            if let Some(part) = &part {
-                cost += part.cost;
-                let weighted: Vec<_> = part
-                    .blocks
-                    .iter()
-                    .map(|(k, e)| (*k, e, e * part.inverse))
-                    .collect();
-                for (a, _, ea) in &weighted {
-                    let mut rows = vector.fixed_rows_mut::<POSE_DIM>(POSE_DIM * a);
-                    rows -= ea * part.vector;
-                    for (b, eb, _) in &weighted {
-                        let mut block = precision
-                            .fixed_view_mut::<POSE_DIM, POSE_DIM>(POSE_DIM * a, POSE_DIM * b);
-                        block -= ea * eb.transpose();
-                    }
+        let nodes = self.nodes(&at.poses);
+        let size = self.tracks.len().div_ceil(PARTS).max(1);
+        let landmarks: Vec<Sums> = self
+            .tracks
+            .par_chunks(size)
+            .zip(at.landmarks.par_chunks(size))
+            .map(|(tracks, means)| {
+                let mut sums = Sums::none(n);
+                for (track, mean) in tracks.iter().zip(means) {
+                    let part = self.add_landmark(track, mean, &nodes, &mut sums);
+                    sums.eliminated.push(part);
                 }
-            }
-            eliminated.push(part);
+                sums
+            })
+            .collect();
+        for sums in &landmarks {
+            precision += &sums.precision;
+            vector += &sums.vector;
+            cost += sums.cost;
         }
         Some(NormalEquations {
             precision,
             vector,
-            eliminated,
             cost,
+            landmarks,
         })
     }
 
@@ -148,14 +170,13 @@ impl WindowProblem<'_> {
         precision: &mut DMatrix<f64>,
         vector: &mut DVector<f64>,
     ) -> Option<f64> {
-        let n = POSE_DIM * self.steps.len();
         let floor = Matrix3::identity() * LEAST_CONSTANT_VARIANCE;
         let information = (self.start.metric.constants_covariance() + floor)
             .cholesky()?
             .inverse();
-        let mut corner = precision.fixed_view_mut::<CONSTANTS, CONSTANTS>(n, n);
+        let mut corner = precision.fixed_view_mut::<CONSTANTS, CONSTANTS>(0, 0);
         corner += information;
-        let mut rows = vector.fixed_rows_mut::<CONSTANTS>(n);
+        let mut rows = vector.fixed_rows_mut::<CONSTANTS>(0);
         let off = self.start.metric.constants() - at.constants;
         rows += information * off;
         let mut cost = 0.5 * off.dot(&(information * off));
@@ -178,142 +199,110 @@ impl WindowProblem<'_> {
             let own = whiten;
             let before = -whiten * prior.by_departure(&from);
             let constants = -whiten * prior.gains;
-            let row = POSE_DIM * k;
-            add_block(precision, vector, &residual, &[(row, own)], n, &constants);
+            let row = row_of(k);
+            add_motion_of(precision, vector, &residual, row, &own, &constants);
+            let mut rows = vector.fixed_rows_mut::<CONSTANTS>(0);
+            rows -= constants.tr_mul(&residual);
+            let mut corner = precision.fixed_view_mut::<CONSTANTS, CONSTANTS>(0, 0);
+            corner += constants.tr_mul(&constants);
             if k > 0 {
-                let other = row - POSE_DIM;
-                let mut rows = vector.fixed_rows_mut::<POSE_DIM>(other);
-                rows -= before.tr_mul(&residual);
-                let mut block = precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(other, other);
-                block += before.tr_mul(&before);
-                let mut block = precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(other, row);
-                block += before.tr_mul(&own);
+                let other = row_of(k - 1);
+                add_motion_of(precision, vector, &residual, other, &before, &constants);
                 let mut block = precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(row, other);
                 block += own.tr_mul(&before);
-                let cross = before.tr_mul(&constants);
-                let mut block = precision.fixed_view_mut::<POSE_DIM, CONSTANTS>(other, n);
-                block += cross;
-                let mut block = precision.fixed_view_mut::<CONSTANTS, POSE_DIM>(n, other);
-                block += cross.transpose();
             }
             from = *pose;
         }
         Some(cost)
     }
 
-    /// Adds the sightings of a landmark and returns what its elimination needs; `None` when it is not seen from the poses.
-    fn eliminate(
+    /// Adds a landmark, eliminated, and returns what it needs to follow a step; `None` when it is not seen from the poses.
+    fn add_landmark(
         &self,
-        at: &Unknowns,
         track: &Track,
         mean: &Vector3<f64>,
         nodes: &[Node],
-        precision: &mut DMatrix<f64>,
-        vector: &mut DVector<f64>,
+        sums: &mut Sums,
     ) -> Option<Elimination> {
         let anchor = match track.parametrisation.anchor() {
             None => None,
-            Some(keyframe) => Some(self.node(&at.poses, keyframe)?),
+            Some(keyframe) => Some(self.camera(nodes, keyframe)?),
         };
-        let geometry = anchor.map_or(LandmarkGeometry::Point, |a| {
-            LandmarkGeometry::InverseDepth { anchor: a.camera }
-        });
+        let target = Target::new(anchor.as_ref().map(|(camera, _)| camera), mean);
+        let anchor = anchor.and_then(|(_, step)| step);
         let pinhole = self.rig.pinhole();
-        let ray = geometry.ray(mean);
         let mut information = track.prior_information;
         let mut own = track.prior_vector - track.prior_information * mean;
-        let mut blocks: Vec<(usize, SMatrix<f64, POSE_DIM, 3>)> =
-            Vec::with_capacity(track.sightings.len() + 1);
         let mut cost = mean.dot(&(track.prior_information * mean * 0.5 - track.prior_vector));
+        let first = sums.blocks.len();
+        let mut of_anchor = PoseSums::default();
+        if let Some(a) = anchor {
+            sums.blocks.push((a, PoseBlock::zeros()));
+        }
         for sighting in &track.sightings {
-            let node = &nodes[sighting.step];
-            let Some(predicted) = ray.project(pinhole, &node.camera) else {
+            let (k, node) = (sighting.step, &nodes[sighting.step]);
+            let Some(sight) = target.sight(pinhole, &node.camera, sighting) else {
                 cost += UNSEEN_COST;
                 continue;
             };
-            let whitening = &sighting.whitening;
-            let by_landmark =
-                whitening.rows(geometry.parameter_jacobian(pinhole, &node.camera, mean)?);
-            let residual = whitening.rows(sighting.pixel - predicted);
-            let (weight, part) = sighting.weigh(residual.norm());
-            cost += part;
-            let direction = ray.base + (ray.origin - node.camera.centre) * ray.rate;
-            let q = node.camera.camera_from_world * direction;
-            let by_direction = whitening.rows(SMatrix::<f64, 2, 3>::new(
-                pinhole.fx / q.z,
-                0.0,
-                -pinhole.fx * q.x / (q.z * q.z),
-                0.0,
-                pinhole.fy / q.z,
-                -pinhole.fy * q.y / (q.z * q.z),
-            )) * node.camera.camera_from_world;
-            let mut poses: Vec<(usize, PoseJacobian)> = Vec::with_capacity(2);
-            if let Some((k, rates)) = node.unknown {
-                let mut j = PoseJacobian::zeros();
-                j.fixed_view_mut::<2, 3>(0, 0)
-                    .copy_from(&(by_direction * -ray.rate));
-                j.fixed_view_mut::<2, 3>(0, 3)
-                    .copy_from(&(by_direction * turned_camera(&direction, &rates)));
-                poses.push((k, j));
-            }
-            if let Some(Node {
-                unknown: Some((a, rates)),
-                ..
-            }) = anchor
-            {
-                let mut j = PoseJacobian::zeros();
-                j.fixed_view_mut::<2, 3>(0, 0)
-                    .copy_from(&(by_direction * ray.rate));
-                j.fixed_view_mut::<2, 3>(0, 3)
-                    .copy_from(&(by_direction * turned_anchor(&ray.base, &rates)));
-                if let Some(same) = poses.iter_mut().find(|(k, _)| *k == a) {
-                    same.1 += j;
-                } else {
-                    poses.push((a, j));
+            cost += sight.cost;
+            let weight = sight.weight;
+            let residual = sight.residual * weight;
+            let by_landmark = sight.by_landmark * weight;
+            information += by_landmark.tr_mul(&sight.by_landmark);
+            own += by_landmark.tr_mul(&sight.residual);
+            let turned = turned_camera(&sight.direction, &node.rates);
+            let by_pose = pose_jacobian(&sight.by_direction, -target.ray.rate, &turned);
+            if let Some(a) = anchor {
+                let turned = turned_anchor(&target.ray.base, &nodes[a].rates);
+                let by_anchor = pose_jacobian(&sight.by_direction, target.ray.rate, &turned);
+                if a == k {
+                    of_anchor.add(&(by_pose + by_anchor), weight, &residual, &by_landmark);
+                    continue;
                 }
+                of_anchor.add(&by_anchor, weight, &residual, &by_landmark);
+                sums.add_cross(k, a, &(by_pose * weight).tr_mul(&by_anchor));
             }
-            information += by_landmark.tr_mul(&by_landmark) * weight;
-            own += by_landmark.tr_mul(&residual) * weight;
-            for (k, j) in &poses {
-                let product = j.tr_mul(&by_landmark) * weight;
-                match blocks.iter_mut().rev().find(|(known, _)| known == k) {
-                    Some((_, block)) => *block += product,
-                    None => blocks.push((*k, product)),
-                }
-                let mut rows = vector.fixed_rows_mut::<POSE_DIM>(POSE_DIM * k);
-                rows += j.tr_mul(&residual) * weight;
-                for (l, i) in &poses {
-                    let mut block =
-                        precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(POSE_DIM * k, POSE_DIM * l);
-                    block += j.tr_mul(i) * weight;
-                }
-            }
+            let mut of_pose = PoseSums::default();
+            of_pose.add(&by_pose, weight, &residual, &by_landmark);
+            sums.add_pose(k, &of_pose);
+            sums.blocks.push((k, of_pose.by_landmark));
         }
-        let inverse = information.cholesky()?.inverse();
-        Some(Elimination {
-            blocks,
+        if let Some(a) = anchor {
+            sums.add_pose(a, &of_anchor);
+            sums.blocks[first].1 = of_anchor.by_landmark;
+        }
+        sums.blocks[first..].sort_by_key(|(k, _)| *k);
+        let Some(factor) = information.cholesky() else {
+            sums.blocks.truncate(first);
+            return None;
+        };
+        let part = Elimination {
+            range: first..sums.blocks.len(),
             information,
-            inverse,
+            inverse: factor.inverse(),
             vector: own,
-            cost,
-        })
+        };
+        sums.cost += cost;
+        sums.eliminate(&part);
+        Some(part)
     }
 }
 
 impl Unknowns {
-    /// The unknowns after a step of poses and constants, the landmarks following it.
+    /// The unknowns after a step of constants and poses, the landmarks following it.
     #[must_use]
-    pub(crate) fn after(&self, step: &DVector<f64>, eliminated: &[Option<Elimination>]) -> Self {
+    pub(crate) fn after(&self, step: &DVector<f64>, normal: &NormalEquations) -> Self {
         let mut next = self.clone();
         for (k, pose) in next.poses.iter_mut().enumerate() {
-            *pose = pose.retract(&step.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned());
+            *pose = pose.retract(&step.fixed_rows::<POSE_DIM>(row_of(k)).into_owned());
         }
-        next.constants += step.fixed_rows::<CONSTANTS>(POSE_DIM * self.poses.len());
-        for (mean, part) in next.landmarks.iter_mut().zip(eliminated) {
-            let Some(part) = part else { continue };
+        next.constants += step.fixed_rows::<CONSTANTS>(0);
+        for (mean, part) in next.landmarks.iter_mut().zip(normal.eliminated()) {
+            let Some((part, blocks)) = part else { continue };
             let mut rest = part.vector;
-            for (k, block) in &part.blocks {
-                rest -= block.tr_mul(&step.fixed_rows::<POSE_DIM>(POSE_DIM * k));
+            for (k, block) in blocks {
+                rest -= block.tr_mul(&step.fixed_rows::<POSE_DIM>(row_of(*k)));
             }
             *mean += part.inverse * rest;
         }
@@ -321,27 +310,139 @@ impl Unknowns {
     }
 }
 
-fn add_block(
+impl NormalEquations {
+    /// The parts by which each landmark follows a step, with the products of its derivatives by pose and by landmark; `None` for
+    /// one that took no part.
+    pub(crate) fn eliminated(
+        &self,
+    ) -> impl Iterator<Item = Option<(&Elimination, &[(usize, PoseBlock)])>> {
+        self.landmarks.iter().flat_map(|sums| {
+            sums.eliminated.iter().map(|part| {
+                part.as_ref()
+                    .map(|part| (part, &sums.blocks[part.range.clone()]))
+            })
+        })
+    }
+}
+
+/// The sums of one pose over sightings of one landmark.
+#[derive(Default)]
+struct PoseSums {
+    precision: PoseMatrix,
+    vector: PoseStep,
+    by_landmark: PoseBlock,
+}
+
+impl PoseSums {
+    /// Adds a sighting with these derivatives; `residual` and `by_landmark` are weighted already.
+    #[inline]
+    fn add(
+        &mut self,
+        by_pose: &PoseJacobian,
+        weight: f64,
+        residual: &Vector2<f64>,
+        by_landmark: &Matrix2x3<f64>,
+    ) {
+        self.precision += (by_pose * weight).tr_mul(by_pose);
+        self.vector += by_pose.tr_mul(residual);
+        self.by_landmark += by_pose.tr_mul(by_landmark);
+    }
+}
+
+impl Sums {
+    /// Of no landmarks, for `n` unknowns.
+    fn none(n: usize) -> Self {
+        Self {
+            precision: DMatrix::zeros(n, n),
+            vector: DVector::zeros(n),
+            blocks: Vec::new(),
+            eliminated: Vec::new(),
+            cost: 0.0,
+        }
+    }
+
+    #[inline]
+    fn add_pose(&mut self, k: usize, of_pose: &PoseSums) {
+        let row = row_of(k);
+        let mut block = self
+            .precision
+            .fixed_view_mut::<POSE_DIM, POSE_DIM>(row, row);
+        block += of_pose.precision;
+        let mut rows = self.vector.fixed_rows_mut::<POSE_DIM>(row);
+        rows += of_pose.vector;
+    }
+
+    /// Adds `cross` to the rows of pose `k` and the columns of pose `l`, or its transpose to the other triangle.
+    #[inline]
+    fn add_cross(&mut self, k: usize, l: usize, cross: &PoseMatrix) {
+        let (row, column) = (row_of(k.max(l)), row_of(k.min(l)));
+        let mut block = self
+            .precision
+            .fixed_view_mut::<POSE_DIM, POSE_DIM>(row, column);
+        if k > l {
+            block += cross;
+        } else {
+            block += cross.transpose();
+        }
+    }
+
+    /// Takes a landmark out of the equations of the poses that it depends on (Schur complement).
+    fn eliminate(&mut self, part: &Elimination) {
+        let Self {
+            precision,
+            vector,
+            blocks,
+            ..
+        } = self;
+        let blocks = &blocks[part.range.clone()];
+        for (i, (l, right)) in blocks.iter().enumerate() {
+            let weighted = right * part.inverse;
+            let mut rows = vector.fixed_rows_mut::<POSE_DIM>(row_of(*l));
+            rows -= weighted * part.vector;
+            // They ascend: these are rows of the lower triangle.
+            for (k, left) in &blocks[i..] {
+                for c in 0..POSE_DIM {
+                    let mut column =
+                        precision.fixed_view_mut::<POSE_DIM, 1>(row_of(*k), row_of(*l) + c);
+                    column -= left.column(0) * weighted[(c, 0)]
+                        + left.column(1) * weighted[(c, 1)]
+                        + left.column(2) * weighted[(c, 2)];
+                }
+            }
+        }
+    }
+}
+
+/// Adds the factor of a motion for the pose at `row`.
+fn add_motion_of(
     precision: &mut DMatrix<f64>,
     vector: &mut DVector<f64>,
     residual: &PoseStep,
-    own: &[(usize, PoseMatrix)],
-    n: usize,
-    constants: &SMatrix<f64, POSE_DIM, CONSTANTS>,
+    row: usize,
+    by_pose: &PoseMatrix,
+    by_constants: &SMatrix<f64, POSE_DIM, CONSTANTS>,
 ) {
-    for (at, jacobian) in own {
-        let mut rows = vector.fixed_rows_mut::<POSE_DIM>(*at);
-        rows -= jacobian.tr_mul(residual);
-        let mut block = precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(*at, *at);
-        block += jacobian.tr_mul(jacobian);
-        let cross = jacobian.tr_mul(constants);
-        let mut block = precision.fixed_view_mut::<POSE_DIM, CONSTANTS>(*at, n);
-        block += cross;
-        let mut block = precision.fixed_view_mut::<CONSTANTS, POSE_DIM>(n, *at);
-        block += cross.transpose();
-    }
-    let mut rows = vector.fixed_rows_mut::<CONSTANTS>(n);
-    rows -= constants.tr_mul(residual);
-    let mut block = precision.fixed_view_mut::<CONSTANTS, CONSTANTS>(n, n);
-    block += constants.tr_mul(constants);
+    let mut rows = vector.fixed_rows_mut::<POSE_DIM>(row);
+    rows -= by_pose.tr_mul(residual);
+    let mut block = precision.fixed_view_mut::<POSE_DIM, POSE_DIM>(row, row);
+    block += by_pose.tr_mul(by_pose);
+    let mut block = precision.fixed_view_mut::<POSE_DIM, CONSTANTS>(row, 0);
+    block += by_pose.tr_mul(by_constants);
+}
+
+/// Derivative of a pixel by a pose, from those of the pixel by the direction and of the direction by the pose.
+#[inline]
+fn pose_jacobian(
+    by_direction: &Matrix2x3<f64>,
+    by_centre: f64,
+    by_turn: &Matrix3<f64>,
+) -> PoseJacobian {
+    let mut jacobian = PoseJacobian::zeros();
+    jacobian
+        .fixed_view_mut::<2, 3>(0, 0)
+        .copy_from(&(by_direction * by_centre));
+    jacobian
+        .fixed_view_mut::<2, 3>(0, 3)
+        .copy_from(&(by_direction * by_turn));
+    jacobian
 }

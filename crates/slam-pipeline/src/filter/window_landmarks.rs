@@ -4,13 +4,12 @@
 //! and with every depth free they would agree on a shorter path: on rendered walls the scale shrank by a twentieth. In
 //! the map the prior stays.
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::landmark::{InverseDepthPrior, Landmark, Parametrisation};
+use super::observation::MatchedFeature;
 use super::particle::Particle;
 use super::pixel_noise::Whitening;
 use super::segment::WindowStep;
@@ -46,21 +45,34 @@ pub(crate) struct TrackSighting {
     pub(crate) pixel: Vector2<f64>,
     /// The map that makes its noise round.
     pub(crate) whitening: Whitening,
+    /// One over its variance afterwards.
+    precision: f64,
 }
 
 impl TrackSighting {
-    /// The weight of a whitened residual of this length, and its cost: half its square in standard deviations, Huber's function
-    /// beyond the bend.
-    pub(crate) fn weigh(&self, length: f64) -> (f64, f64) {
-        let variance = self.whitening.variance;
-        let normalised = length / variance.sqrt();
-        if normalised > HUBER_SIGMAS {
+    fn new(step: usize, matched: &MatchedFeature) -> Self {
+        let whitening = matched.noise.whitening();
+        Self {
+            step,
+            pixel: matched.pixel,
+            precision: 1.0 / whitening.variance,
+            whitening,
+        }
+    }
+
+    /// The weight of a whitened residual of this squared length, and its cost: half its square in standard deviations, Huber's
+    /// function beyond the bend.
+    #[inline]
+    pub(crate) fn weigh(&self, squared_length: f64) -> (f64, f64) {
+        let squared = squared_length * self.precision;
+        if squared > HUBER_SIGMAS * HUBER_SIGMAS {
+            let normalised = squared.sqrt();
             (
-                HUBER_SIGMAS / normalised / variance,
+                HUBER_SIGMAS / normalised * self.precision,
                 HUBER_SIGMAS * (normalised - 0.5 * HUBER_SIGMAS),
             )
         } else {
-            (1.0 / variance, 0.5 * normalised * normalised)
+            (self.precision, 0.5 * squared)
         }
     }
 }
@@ -74,30 +86,29 @@ pub(crate) fn tracks(
     steps: &[Arc<WindowStep>],
     depth: InverseDepthPrior,
 ) -> Vec<Track> {
-    let mut tracks: BTreeMap<u32, Track> = BTreeMap::new();
-    for (k, step) in steps.iter().enumerate() {
-        for m in &step.observation.matches {
-            let track = match tracks.entry(m.id) {
-                Entry::Occupied(known) => known.into_mut(),
-                Entry::Vacant(vacant) => {
-                    let Some(mut track) = Track::new(m.id, start.map.get(m.id), m.prototype, depth)
-                    else {
-                        continue;
-                    };
-                    if let Some(landmark) = end.map.get(m.id) {
-                        track.start = landmark.mean;
-                    }
-                    vacant.insert(track)
-                }
-            };
-            track.sightings.push(TrackSighting {
-                step: k,
-                pixel: m.pixel,
-                whitening: m.noise.whitening(),
-            });
-        }
-    }
-    tracks.into_values().collect()
+    let matches = |(k, step)| {
+        let step: &Arc<WindowStep> = step;
+        step.observation.matches.iter().map(move |m| (k, m))
+    };
+    let mut seen: Vec<(usize, &MatchedFeature)> =
+        steps.iter().enumerate().flat_map(matches).collect();
+    // Of each landmark the order of time stays.
+    seen.sort_by_key(|(_, m)| m.id);
+    seen.chunk_by(|(_, a), (_, b)| a.id == b.id)
+        .filter_map(|seen| {
+            // Sightings before its Gaussian is known tell nothing.
+            let (first, mut track) = seen.iter().enumerate().find_map(|(i, (_, m))| {
+                let track = Track::new(m.id, start.map.get(m.id), m.prototype, depth)?;
+                Some((i, track))
+            })?;
+            if let Some(landmark) = end.map.get(track.id) {
+                track.start = landmark.mean;
+            }
+            let sightings = seen[first..].iter();
+            track.sightings = sightings.map(|(k, m)| TrackSighting::new(*k, m)).collect();
+            Some(track)
+        })
+        .collect()
 }
 
 impl Track {

@@ -296,7 +296,7 @@ fn val_the_local_batch_is_the_dense_solution() {
         )
         .unwrap();
         let (mean, covariance) = drive.oracle();
-        let factor = &gaussian.precision_factor;
+        let factor = gaussian.precision_factor();
         let got = (factor * factor.transpose()).try_inverse().unwrap();
         let difference = drive.stacked(&gaussian.mean) - &mean;
         for i in 0..mean.len() {

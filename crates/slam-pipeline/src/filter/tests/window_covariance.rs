@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::filter::local_batch::segment_gaussian;
 use crate::filter::metric::MetricState;
 use crate::filter::motion::CarrierModel;
+use crate::filter::window_equations::row_of;
 use estimation_base::Manifold;
 use nalgebra::{DMatrix, DVector, Rotation2, Vector2, Vector3};
 
@@ -34,11 +35,12 @@ fn the_covariance_of_bodies_is_that_of_scale_and_path_together() {
     .unwrap();
     let lever_m = Vector2::new(0.3, -0.1);
     let found = gaussian.body_covariance(&lever_m).unwrap();
-    let joint = gaussian.precision.clone().try_inverse().unwrap();
+    let factor = &gaussian.factor;
+    let joint = (factor * factor.transpose()).try_inverse().unwrap();
     let body = |k: usize, unknowns: &DVector<f64>| {
-        let pose = gaussian.mean[k].retract(&unknowns.fixed_rows::<6>(6 * k).into_owned());
+        let pose = gaussian.mean[k].retract(&unknowns.fixed_rows::<6>(row_of(k)).into_owned());
         let travelled =
-            (pose.centre - drive.start.pose.centre).xy() * (gaussian.scale + unknowns[6 * STEPS]);
+            (pose.centre - drive.start.pose.centre).xy() * (gaussian.scale + unknowns[0]);
         let lever = Rotation2::new(pose.phi) * lever_m;
         Vector3::new(travelled.x - lever.x, travelled.y - lever.y, pose.phi)
     };
@@ -62,7 +64,7 @@ fn the_covariance_of_bodies_is_that_of_scale_and_path_together() {
     );
     // Without the scale the last position is as uncertain as the unit.
     let last = 3 * (STEPS - 1);
-    let alone = joint[(6 * (STEPS - 1), 6 * (STEPS - 1))] * gaussian.scale.powi(2);
+    let alone = joint[(row_of(STEPS - 1), row_of(STEPS - 1))] * gaussian.scale.powi(2);
     assert!(
         alone > 4.0 * found[(last, last)],
         "{alone} {}",
