@@ -45,7 +45,7 @@ mod smallest;
 mod two_means;
 
 pub use auto_index::AutoIndex;
-pub use descriptor::{Descriptor, distance_squared};
+pub use descriptor::{Descriptor, distance_squared, distance_squared_within};
 pub use error::IndexError;
 pub use exact_scan::ExactScan;
 pub use index::{DescriptorIndex, Neighbour, TwoNearest};

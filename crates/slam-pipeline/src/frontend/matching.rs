@@ -6,7 +6,9 @@
 
 use std::collections::BTreeMap;
 
-use feature_kdtree::{Descriptor, DescriptorIndex as _, ExactScan, TwoNearest, distance_squared};
+use feature_kdtree::{
+    Descriptor, DescriptorIndex as _, ExactScan, TwoNearest, distance_squared_within,
+};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
@@ -176,6 +178,9 @@ impl Matcher<'_> {
     /// Squared descriptor distance and index of the keypoint that passes the test of the guided search.
     fn look_into_gate(&self, predicted: &Predicted<'_>, radius: f64) -> Option<(u32, usize)> {
         let ratio_squared = f64::from(self.params.guided_ratio * self.params.guided_ratio);
+        let most = self.params.guided_distance_squared;
+        // A second farther than this cannot refuse a first that is near enough.
+        let limit = most.max((f64::from(most) / ratio_squared).ceil() as u32);
         let mut first = (u32::MAX, usize::MAX);
         let mut second = u32::MAX;
         for (k, pixel) in self.frame.nearby.around(predicted.pixel, radius) {
@@ -183,10 +188,12 @@ impl Matcher<'_> {
             if !self.params.gate.admits(&innovation, &predicted.covariance) {
                 continue;
             }
-            let d = distance_squared(
-                &predicted.entry.descriptor,
-                &self.frame.features.descriptors[k],
-            );
+            let descriptor = &self.frame.features.descriptors[k];
+            let Some(d) =
+                distance_squared_within(&predicted.entry.descriptor, descriptor, limit.min(second))
+            else {
+                continue;
+            };
             // Of equal distances the lower index wins, in whatever order they come.
             if (d, k) < first {
                 second = first.0;
@@ -195,8 +202,6 @@ impl Matcher<'_> {
                 second = second.min(d);
             }
         }
-        (first.0 <= self.params.guided_distance_squared
-            && f64::from(first.0) < ratio_squared * f64::from(second))
-        .then_some(first)
+        (first.0 <= most && f64::from(first.0) < ratio_squared * f64::from(second)).then_some(first)
     }
 }
