@@ -242,10 +242,10 @@ impl Problem {
                 break;
             }
             // Where two solutions meet the Jacobian is singular: the damped step leaves that direction alone.
-            let better = [state.newton(), state.damped()]
+            let better = [Residual::newton, Residual::damped]
                 .into_iter()
                 .find_map(|step| {
-                    let candidate = q - step;
+                    let candidate = q - step(&state);
                     let next = self.residual(&candidate);
                     (next.error < state.error).then_some((candidate, next))
                 });
