@@ -2,6 +2,7 @@
 
 use mono_geometry::Camera;
 use mono_geometry::motion::{OdometrySample, exact_arc};
+use motion_consistency::check_motion;
 use rayon::ThreadPool;
 use slam_io::{
     DrawnKeypoint, FrameRecord, OdometrySource, RunRecord, RunScale, Sequence, StageTimes,
@@ -295,22 +296,27 @@ impl<'a> Run<'a> {
                 .frames
                 .iter()
                 .any(|f| f.report.tracking == Tracking::Relocalised);
-            let (path, smoother) = match collected.frames.last() {
-                Some(last) if !collected.in_map => {
-                    let last = &last.report.estimate;
-                    smoothed(&collected.recording, rig, &config, best, last, found_again)
-                }
-                _ => (best, not_smoothed()),
-            };
-            let mut warnings = sequence.warnings.clone();
-            warnings.extend(warnings::of_reference(sequence));
             let samples: Vec<OdometrySample> =
                 sequence.odometry.iter().map(|&row| row.into()).collect();
+            let ((path, smoother), findings) = rayon::join(
+                || match collected.frames.last() {
+                    Some(last) if !collected.in_map => {
+                        let last = &last.report.estimate;
+                        smoothed(&collected.recording, rig, &config, best, last, found_again)
+                    }
+                    _ => (best, not_smoothed()),
+                },
+                || {
+                    let pairs = collected.pairs.pairs();
+                    check_motion(pairs, &samples, rig.camera.pinhole(), &rig.mount)
+                },
+            );
+            let mut warnings = sequence.warnings.clone();
+            warnings.extend(warnings::of_reference(sequence));
             warnings.extend(collected.repeated.warning(&samples, &collected.frames));
             warnings.extend(warnings::of_run(
-                &rig,
                 &samples,
-                collected.pairs.pairs(),
+                findings,
                 &collected.frames,
                 &path,
             ));

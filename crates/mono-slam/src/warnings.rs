@@ -2,9 +2,8 @@
 
 use mono_geometry::Se2;
 use mono_geometry::motion::{OdometrySample, held_between};
-use motion_consistency::{Finding, FramePair, check_motion, check_path};
+use motion_consistency::{Finding, check_path};
 use slam_io::{FrameRecord, Sequence, Warning};
-use slam_pipeline::Rig;
 
 /// A reference pose this near to a frame is that frame's, seconds (as `trajectory-eval` pairs them).
 const SAME_TIME_S: f64 = 0.01;
@@ -82,11 +81,11 @@ fn unit_hint(frames: &[f64], reference: &[(f64, Se2)]) -> &'static str {
 
 /// The word of the images of a finished run against its odometry and its mount, and whether they showed anything.
 ///
-/// `path` is the smoothed body path, one pose a frame.
+/// `findings` are those of pairs of images ([`motion_consistency::check_motion`]), `path` is the smoothed body path, one pose a
+/// frame.
 pub(crate) fn of_run(
-    rig: &Rig,
     odometry: &[OdometrySample],
-    pairs: &[FramePair],
+    mut findings: Vec<Finding>,
     frames: &[FrameRecord],
     path: &[Se2],
 ) -> Vec<Warning> {
@@ -98,7 +97,6 @@ pub(crate) fn of_run(
         .map(|(frame, pose)| (frame.time_s, *pose))
         .collect();
     let corrected = check_path(&seen, odometry);
-    let mut findings = check_motion(pairs, odometry, rig.camera.pinhole(), &rig.mount);
     // Turns that come too early or too late look like turns of another size, and distances like a slip.
     let late = corrected
         .iter()
