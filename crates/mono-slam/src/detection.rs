@@ -9,7 +9,7 @@ use vision_sift::{Detector, Features, GrayImage, Workspace};
 use crate::run_error::RunError;
 use crate::stopwatch::{Clock, Lap};
 
-/// What an image shows and the times that it took.
+/// The features and the small picture of an image, with the times that they took.
 pub(crate) struct Detected {
     /// The picture for the report, without keypoints, of an image that is kept.
     pub(crate) snapshot: Option<FrameSnapshot>,

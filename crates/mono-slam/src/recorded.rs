@@ -160,7 +160,7 @@ fn recording(
             frame.report.keyframe,
             &rows,
             seen.iter()
-                .map(|row| (row.landmark, Vector2::new(row.x_px, row.y_px))),
+                .map(|row| (row.landmark, Vector2::new(row.x_px, row.y_px), row.size_px)),
         );
     }
     match tracks.first() {

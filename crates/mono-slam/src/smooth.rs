@@ -160,6 +160,7 @@ pub(crate) fn track_rows(recording: &Recording) -> Vec<TrackRow> {
                 landmark,
                 x_px: s.pixel.x,
                 y_px: s.pixel.y,
+                size_px: s.size_px,
             })
         })
         .collect();

@@ -14,9 +14,11 @@
 use mono_geometry::inverse_depth::turned_camera;
 use mono_geometry::{Camera, tilted_body_axes};
 use nalgebra::{Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
+use slam_pipeline::keypoint_sigma_px;
 
 use crate::constants::{Constant, Constants};
 use crate::error::BatchError;
+use crate::problem::Sighting;
 use crate::state::{CameraState, POSE};
 
 /// Constants that move the pixels.
@@ -66,17 +68,20 @@ pub(crate) struct Seen {
     pub(crate) keyframe: usize,
     /// Where the keypoint was found.
     raw: Vector2<f64>,
+    /// The noise of the smallest keypoints over its own.
+    precision: f64,
     /// Its direction (X/Z, Y/Z) by the nominal camera, for the start of the landmark.
     pub(crate) direction: Vector2<f64>,
 }
 
 impl Seen {
     /// `None` outside the field of the nominal lens.
-    pub(crate) fn new(keyframe: usize, raw: &Vector2<f64>, nominal: &Camera) -> Option<Self> {
+    pub(crate) fn new(sighting: &Sighting, nominal: &Camera) -> Option<Self> {
         Some(Self {
-            keyframe,
-            raw: *raw,
-            direction: nominal.undistort(raw).ok()?,
+            keyframe: sighting.keyframe,
+            raw: sighting.pixel,
+            precision: 1.0 / keypoint_sigma_px(1.0, sighting.size_px),
+            direction: nominal.undistort(&sighting.pixel).ok()?,
         })
     }
 }
@@ -113,7 +118,7 @@ impl Sensor {
     #[inline]
     pub(crate) fn residual(&self, seen: &Seen, q: &Vector3<f64>) -> Option<Vector2<f64>> {
         let pixel = self.camera.project(&in_front(q)?)?;
-        Some((pixel - seen.raw) * self.inverse_sigma)
+        Some((pixel - seen.raw) * self.inverse_sigma(seen))
     }
 
     /// [`Self::residual`] with its derivative by the point.
@@ -124,14 +129,21 @@ impl Sensor {
         q: &Vector3<f64>,
     ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
         let (pixel, by_point) = self.camera.project_with_jacobian(&in_front(q)?)?;
-        Some((
-            (pixel - seen.raw) * self.inverse_sigma,
-            by_point * self.inverse_sigma,
-        ))
+        let inverse_sigma = self.inverse_sigma(seen);
+        Some(((pixel - seen.raw) * inverse_sigma, by_point * inverse_sigma))
+    }
+
+    #[inline]
+    fn inverse_sigma(&self, seen: &Seen) -> f64 {
+        self.inverse_sigma * seen.precision
     }
 
     /// Derivative of the whitened residual by focal scale, principal point and lens.
-    pub(crate) fn by_calibration(&self, q: &Vector3<f64>) -> SMatrix<f64, 2, CALIBRATION> {
+    pub(crate) fn by_calibration(
+        &self,
+        seen: &Seen,
+        q: &Vector3<f64>,
+    ) -> SMatrix<f64, 2, CALIBRATION> {
         let mut by = SMatrix::<f64, 2, CALIBRATION>::zeros();
         if let Some((_, _, by_parameters)) =
             in_front(q).and_then(|q| self.camera.project_with_jacobians(&q))
@@ -143,7 +155,7 @@ impl Sensor {
                 by.set_column(column, &by_parameters.column(column + 1));
             }
         }
-        by * self.inverse_sigma
+        by * self.inverse_sigma(seen)
     }
 }
 
@@ -213,16 +225,25 @@ mod tests {
         (view, q)
     }
 
+    fn seen() -> Seen {
+        let sighting = Sighting {
+            keyframe: 0,
+            pixel: RAW,
+            size_px: 3.0,
+        };
+        Seen::new(&sighting, &camera()).unwrap()
+    }
+
     fn residual(state: &CameraState, constants: &Constants) -> Vector2<f64> {
         let sensor = Sensor::new(&camera(), constants, SIGMA_PX).unwrap();
-        let seen = Seen::new(0, &RAW, &camera()).unwrap();
+        let seen = seen();
         sensor.residual(&seen, &point(state).1).unwrap()
     }
 
     #[test]
     fn derivatives_are_those_of_finite_differences() {
         let sensor = Sensor::new(&camera(), &Constants::ZERO, SIGMA_PX).unwrap();
-        let seen = Seen::new(0, &RAW, &camera()).unwrap();
+        let seen = seen();
         let (view, q) = point(&state());
         let (_, by_point) = sensor.linearise(&seen, &q).unwrap();
         let by_pose = by_point * view.point_by_pose(&q, RHO);
@@ -242,7 +263,7 @@ mod tests {
             let error = (by_pose.column(axis) - slope).norm();
             assert!(error < 1e-6 * slope.norm().max(1.0), "{axis}: {error}");
         }
-        let by_calibration = sensor.by_calibration(&q);
+        let by_calibration = sensor.by_calibration(&seen, &q);
         for column in 0..CALIBRATION {
             let constant = Constant::ALL[Constant::OF_MOTION + column];
             let at = |h: f64| residual(&state(), &Constants::ZERO.with(constant, h));
@@ -260,9 +281,10 @@ mod tests {
         // The wrong form, at the measured one, differs by the residual itself: for the focal length, one to one.
         let sensor = Sensor::new(&camera(), &Constants::ZERO, SIGMA_PX).unwrap();
         let (_, q) = point(&state());
-        let n = Seen::new(0, &RAW, &camera()).unwrap().direction;
-        let predicted = sensor.by_calibration(&q);
-        let measured = sensor.by_calibration(&Vector3::new(n.x, n.y, 1.0));
+        let seen = seen();
+        let n = seen.direction;
+        let predicted = sensor.by_calibration(&seen, &q);
+        let measured = sensor.by_calibration(&seen, &Vector3::new(n.x, n.y, 1.0));
         let residual = residual(&state(), &Constants::ZERO);
         assert!(residual.norm() > 10.0, "the case is one with a residual");
         let difference = predicted.column(0) - measured.column(0);

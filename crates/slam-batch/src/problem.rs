@@ -25,6 +25,9 @@ pub struct Sighting {
     pub keyframe: usize,
     /// Where it was found in the image, lens included.
     pub pixel: Vector2<f64>,
+    /// Size of the keypoint, standard deviation of its blur, pixels: see [`slam_pipeline::keypoint_sigma_px`]. 0 where it is not
+    /// known.
+    pub size_px: f64,
 }
 
 /// All measurements of one landmark, by ascending keyframe.
@@ -39,7 +42,7 @@ pub struct Track {
 /// Noise and priors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// Standard deviation of a pixel coordinate, where the keypoint was found.
+    /// Standard deviation of a pixel coordinate of the smallest keypoints, where the keypoint was found.
     pub sigma_px: f64,
     /// Loss of the length of a whitened pixel residual.
     pub loss: RobustLoss,

@@ -49,28 +49,32 @@ impl Recording {
             .iter()
             .zip(&report.keypoints)
             .filter(|(_, r)| matches!(r.fate, KeypointFate::Matched | KeypointFate::New))
-            .filter_map(|(k, r)| Some((r.landmark?, Vector2::new(f64::from(k.x), f64::from(k.y)))));
+            .filter_map(|(k, r)| {
+                let pixel = Vector2::new(f64::from(k.x), f64::from(k.y));
+                Some((r.landmark?, pixel, f64::from(k.sigma)))
+            });
         self.push_frame(report.estimate.pose, report.keyframe, odometry, seen);
     }
 
-    /// Adds a frame by its parts; the sightings (landmark, raw pixel) count at keyframes only. The first frame is always a
+    /// Adds a frame by its parts; the sightings (landmark, raw pixel, size of the keypoint) count at keyframes only. The first frame is always a
     /// keyframe, and a second sighting of a landmark in one frame is ignored.
     pub fn push_frame(
         &mut self,
         filtered: Se2,
         keyframe: bool,
         odometry: &[OdometryInterval],
-        seen: impl IntoIterator<Item = (u32, Vector2<f64>)>,
+        seen: impl IntoIterator<Item = (u32, Vector2<f64>, f64)>,
     ) {
         if keyframe || self.keyframes.is_empty() {
             self.keyframes.push(self.frames.len());
             let index = self.keyframes.len() - 1;
-            for (landmark, pixel) in seen {
+            for (landmark, pixel, size_px) in seen {
                 let track = self.tracks.entry(landmark).or_default();
                 if track.last().is_none_or(|s| s.keyframe < index) {
                     track.push(Sighting {
                         keyframe: index,
                         pixel,
+                        size_px,
                     });
                 }
             }

@@ -62,7 +62,7 @@ const OPEN_DEPTHS: f64 = 10.0;
 ///         let point = Vector3::new(4.0 + (2.0 * i).sin(), (3.0 * i).sin(), (5.0 * i).cos());
 ///         let seen = |(keyframe, x): (usize, &f64)| {
 ///             let q = Vector3::new(-point.y, -point.z, point.x - x);
-///             Sighting { keyframe, pixel: rig.camera.project(&q).expect("in front") }
+///             Sighting { keyframe, pixel: rig.camera.project(&q).expect("in front"), size_px: 1.2 }
 ///         };
 ///         Track { landmark, sightings: truth.iter().enumerate().map(seen).collect() }
 ///     })
@@ -114,7 +114,7 @@ fn inside_lens(camera: &Camera, track: &Track) -> Vec<Seen> {
     track
         .sightings
         .iter()
-        .filter_map(|s| Seen::new(s.keyframe, &s.pixel, camera))
+        .filter_map(|s| Seen::new(s, camera))
         .collect()
 }
 

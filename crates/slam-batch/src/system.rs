@@ -331,7 +331,7 @@ impl System {
                 couplings.push((index[a], w.row(a).into()));
             }
             if calibrates {
-                let by = pixels.sensor.by_calibration(&q);
+                let by = pixels.sensor.by_calibration(s, &q);
                 let own = by.tr_mul(&by) * weight;
                 let cross = by.tr_mul(&by_pose) * weight;
                 let gradient: SVector<f64, CALIBRATION> = by.tr_mul(&residual) * weight;

@@ -60,6 +60,9 @@ pub struct TrackRow {
     pub x_px: f64,
     /// Row where the keypoint was found, pixels of the raw image.
     pub y_px: f64,
+    /// Size of the keypoint, standard deviation of its blur, pixels; 0 in files of earlier versions.
+    #[serde(default)]
+    pub size_px: f64,
 }
 
 /// A constant of the robot as the smoother learned it.

@@ -19,7 +19,7 @@ mod slam;
 mod stored;
 
 pub use ablation::Ablation;
-pub use features::detector_of;
+pub use features::{detector_of, keypoint_sigma_px};
 pub use known_map::{KnownErrors, KnownKeyframe, KnownLandmark, KnownMap, MapUse};
 pub use odometry::{Control, Odometer, OdometryInterval};
 pub use rig::Rig;

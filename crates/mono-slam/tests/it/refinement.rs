@@ -37,7 +37,7 @@ fn recorded(seed: u64) -> RecordedRun {
             .iter()
             .filter_map(|t| {
                 let sighting = t.sightings.iter().find(|s| s.keyframe == k)?;
-                Some((t.landmark, sighting.pixel))
+                Some((t.landmark, sighting.pixel, sighting.size_px))
             })
             .collect();
         let rows = keyframe.motion.clone().unwrap_or_default();

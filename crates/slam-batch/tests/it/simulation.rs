@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use slam_batch::{Constant, Constants, Keyframe, Model, Problem, Sighting, Track};
 use slam_pipeline::config::Config;
+use slam_pipeline::keypoint_sigma_px;
 use slam_pipeline::{OdometryInterval, Rig};
 
 /// Rows of odometry between two keyframes.
@@ -213,13 +214,15 @@ fn tracks(
             let Some(pixel) = camera.project(&q).filter(|p| camera.contains(p, 2.0)) else {
                 continue;
             };
+            let size_px = f64::from(1 + id as u32 % 4);
             let noise = Vector2::new(
                 rng.sample::<f64, _>(StandardNormal),
                 rng.sample::<f64, _>(StandardNormal),
             );
             sightings.push(Sighting {
                 keyframe,
-                pixel: pixel + noise * settings.model.sigma_px,
+                pixel: pixel + noise * keypoint_sigma_px(settings.model.sigma_px, size_px),
+                size_px,
             });
         }
         all.push(Track {

@@ -89,7 +89,7 @@ fn frames_between_keyframes_take_their_share_of_the_correction() {
                 (5.0 * i).cos(),
                 4.0 + (3.0 * i).sin() - truth,
             );
-            Some((landmark, rig.camera.project(&q)?))
+            Some((landmark, rig.camera.project(&q)?, 1.2))
         });
         recording.push_frame(
             Se2::new(0.1 * f64::from(frame), 0.0, 0.0),

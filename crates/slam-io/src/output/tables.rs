@@ -115,7 +115,7 @@ pub(super) fn frames_csv(frames: &[FrameRecord]) -> Result<Vec<u8>, OutputError>
 }
 
 /// Header of `tracks.csv`.
-const TRACK_COLUMNS: [&str; 4] = ["frame", "landmark", "x_px", "y_px"];
+const TRACK_COLUMNS: [&str; 5] = ["frame", "landmark", "x_px", "y_px", "size_px"];
 
 /// One row per sighting.
 pub(super) fn tracks_csv(tracks: &[TrackRow]) -> Result<Vec<u8>, OutputError> {
@@ -125,6 +125,7 @@ pub(super) fn tracks_csv(tracks: &[TrackRow]) -> Result<Vec<u8>, OutputError> {
             row.landmark.to_string(),
             row.x_px.to_string(),
             row.y_px.to_string(),
+            row.size_px.to_string(),
         ]
     })
 }
@@ -137,7 +138,7 @@ pub(super) fn read_tracks(path: &Path) -> Result<Vec<TrackRow>, OutputError> {
     let malformed = |error: csv::Error| {
         OutputError::malformed(
             path,
-            "frame,landmark,x_px,y_px in every row",
+            "frame,landmark,x_px,y_px,size_px in every row",
             error.to_string(),
         )
     };

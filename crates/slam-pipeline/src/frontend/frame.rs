@@ -5,11 +5,8 @@ use nalgebra::Vector2;
 use vision_sift::Features;
 
 use super::nearby::Nearby;
+use crate::features::keypoint_sigma_px;
 use crate::filter::pixel_noise::PixelNoise;
-
-/// Size, standard deviation of the blur in pixels, at which the part of the noise of a keypoint that grows with its size is as
-/// large as the part that does not.
-const SIZE_PX: f64 = 2.0;
 
 /// Features of one frame with their ideal pixels.
 #[derive(Debug)]
@@ -46,13 +43,10 @@ impl<'a> FrameFeatures<'a> {
     }
 
     /// The noise of the ideal pixel of keypoint `k`, where the smallest keypoints have `sigma_px` in the real image.
-    ///
-    /// A keypoint is an extremum of an image that was blurred by its size, so it is found less well the larger it is
-    /// (Zeisl, Georgel, Schweiger, Steinbach, Navab 2009). The rest of the noise is the same for all.
     #[must_use]
     pub(crate) fn noise(&self, k: usize, sigma_px: f64) -> PixelNoise {
-        let blurred = f64::from(self.features.keypoints[k].sigma) / SIZE_PX;
-        PixelNoise::shaped(&self.shape[k], sigma_px * blurred.hypot(1.0))
+        let size_px = f64::from(self.features.keypoints[k].sigma);
+        PixelNoise::shaped(&self.shape[k], keypoint_sigma_px(sigma_px, size_px))
     }
 }
 
@@ -117,7 +111,7 @@ mod tests {
         assert_eq!(stretch(&plain, &measured), 1.0);
     }
 
-    /// The noise of the smallest keypoints is the stated one; one whose size is the constant has twice the variance.
+    /// The noise of the smallest keypoints is the stated one; one of size 2 has twice the variance.
     #[test]
     fn large_keypoints_are_found_less_well() {
         let plain = Camera::new(
@@ -140,14 +134,12 @@ mod tests {
             response: 0.1,
         };
         let features = Features {
-            keypoints: [0.01, SIZE_PX as f32, 3.0 * SIZE_PX as f32]
-                .map(keypoint)
-                .to_vec(),
+            keypoints: [0.01, 2.0, 6.0].map(keypoint).to_vec(),
             descriptors: vec![[0; 128]; 3],
         };
         let frame = FrameFeatures::new(&features, &plain);
         let variance = |k: usize| frame.noise(k, 0.3).covariance()[(0, 0)];
-        assert!((variance(0) - 0.09).abs() < 1e-6);
+        assert!((variance(0) - 0.09).abs() < 1e-5);
         assert!((variance(1) - 2.0 * 0.09).abs() < 1e-12);
         assert!((variance(2) - 10.0 * 0.09).abs() < 1e-12);
     }

@@ -123,6 +123,7 @@ pub(crate) fn small_run() -> RunRecord {
                 landmark,
                 x_px,
                 y_px: 2.0 * x_px,
+                size_px: 1.0 + x_px / 3.0,
             })
             .to_vec(),
         landmarks,
