@@ -29,6 +29,9 @@ const FIRST_DAMPING: f64 = 1e-3;
 /// The adjustment has settled when a step promises to lower the cost by less than this: a fifth of a standard deviation in
 /// one direction.
 const SETTLED: f64 = 0.02;
+/// After all steps it has settled as well as it can when a step promises less than this, one standard deviation in one direction: where
+/// residuals bend, steps about the solution promise a little and keep none of it.
+const NEARLY_SETTLED: f64 = 0.5;
 
 /// Gaussian over the poses of a window and over its landmarks given the poses.
 #[derive(Debug, Clone)]
@@ -235,5 +238,7 @@ fn adjust(
             _ => damping = (damping * 10.0).max(FIRST_DAMPING),
         }
     }
-    None
+    let factor = normal.precision.clone().cholesky()?;
+    let promised = 0.5 * normal.vector.dot(&factor.solve(&normal.vector));
+    (promised < NEARLY_SETTLED).then(|| (at, normal, factor.unpack()))
 }
