@@ -182,6 +182,12 @@ impl Problem {
                 for value in sighting.pixel.iter() {
                     within("pixel of a sighting", *value, "finite", |_| true)?;
                 }
+                within(
+                    "size of a keypoint",
+                    sighting.size_px,
+                    "finite and not below 0",
+                    |v| v >= 0.0,
+                )?;
             }
         }
         self.model.check()

@@ -41,6 +41,13 @@ fn a_problem_that_is_none_says_why() {
     nan.tracks[3].sightings[0].pixel.x = f64::NAN;
     assert!(matches!(solve(&nan), Err(BatchError::OutOfRange { .. })));
 
+    for size_px in [f64::NAN, -1.0] {
+        let mut sized = good.clone();
+        sized.tracks[3].sightings[0].size_px = size_px;
+        let reason = solve(&sized).unwrap_err().to_string();
+        assert!(reason.contains("size of a keypoint"), "{reason}");
+    }
+
     let mut rows = good;
     if let Some(motion) = &mut rows.keyframes[2].motion {
         motion[0].v_mps = f64::INFINITY;
