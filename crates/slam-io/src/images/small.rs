@@ -1,10 +1,8 @@
 //! An image made small for a page: reduced by averaging, as JPEG or PNG.
 
-use std::ops::Range;
-
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, GrayImage, ImageEncoder};
+use image::{ExtendedColorType, GrayImage, ImageEncoder, imageops};
 
 use super::grey::GreyImage;
 
@@ -26,31 +24,13 @@ impl GreyImage {
         }
         let side = |length: usize| ((length as f64 * share).round() as usize).max(1);
         let (width, height) = (side(self.width), side(self.height));
-        if self.pixels.is_empty() || self.width.checked_mul(self.height) != Some(self.pixels.len())
-        {
-            return self.clone();
-        }
-        let columns = covered(width, self.width);
-        let mut pixels = Vec::with_capacity(width * height);
-        let mut sums = vec![0_u32; self.width];
-        for rows in covered(height, self.height) {
-            sums.fill(0);
-            let pixels_of_rows = &self.pixels[rows.start * self.width..rows.end * self.width];
-            for row in pixels_of_rows.chunks_exact(self.width) {
-                for (sum, pixel) in sums.iter_mut().zip(row) {
-                    *sum += u32::from(*pixel);
-                }
-            }
-            for column in &columns {
-                let count = (rows.len() * column.len()) as u64;
-                let sum: u64 = sums[column.clone()].iter().copied().map(u64::from).sum();
-                pixels.push(((sum + count / 2) / count) as u8);
-            }
-        }
-        GreyImage {
-            width,
-            height,
-            pixels,
+        match (self.buffer(), u32::try_from(width), u32::try_from(height)) {
+            (Some(image), Ok(columns), Ok(rows)) => GreyImage {
+                width,
+                height,
+                pixels: imageops::thumbnail(&image, columns, rows).into_raw(),
+            },
+            _ => self.clone(),
         }
     }
 
@@ -106,17 +86,6 @@ impl GreyImage {
             None
         }
     }
-}
-
-/// The pixels of a side of length `of` that each of the `count` pixels of the reduced side covers, at least one.
-fn covered(count: usize, of: usize) -> Vec<Range<usize>> {
-    let ratio = of as f32 / count as f32;
-    let covered = |k: usize| {
-        let from = k as f32 * ratio;
-        let first = (from.ceil() as usize).min(of - 1);
-        first..((from + ratio).ceil() as usize).clamp(first + 1, of)
-    };
-    (0..count).map(covered).collect()
 }
 
 /// Length of the header of a grey JPEG file with the usual Huffman tables.
