@@ -53,6 +53,7 @@ impl<'a> FrameFeatures<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::tests::common::rig;
     use mono_geometry::{Distortion, Pinhole};
     use nalgebra::Matrix2;
     use vision_sift::Keypoint;
@@ -114,18 +115,6 @@ mod tests {
     /// The noise of the smallest keypoints is the stated one; one of size 2 has twice the variance.
     #[test]
     fn large_keypoints_are_found_less_well() {
-        let plain = Camera::new(
-            Pinhole {
-                width: 640,
-                height: 480,
-                fx: 400.0,
-                fy: 400.0,
-                cx: 319.5,
-                cy: 239.5,
-            },
-            Distortion::None,
-        )
-        .unwrap();
         let keypoint = |sigma: f32| Keypoint {
             x: 100.0,
             y: 100.0,
@@ -137,7 +126,7 @@ mod tests {
             keypoints: [0.01, 2.0, 6.0].map(keypoint).to_vec(),
             descriptors: vec![[0; 128]; 3],
         };
-        let frame = FrameFeatures::new(&features, &plain);
+        let frame = FrameFeatures::new(&features, &rig().camera);
         let variance = |k: usize| frame.noise(k, 0.3).covariance()[(0, 0)];
         assert!((variance(0) - 0.09).abs() < 1e-5);
         assert!((variance(1) - 2.0 * 0.09).abs() < 1e-12);
