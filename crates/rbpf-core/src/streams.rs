@@ -41,8 +41,8 @@ pub enum Purpose {
     OdometryNoise = 8,
     /// Noise of simulated measurements.
     MeasurementNoise = 9,
-    /// Drawing the recent path of a particle again.
-    PathRedraw = 10,
+    /// Choosing the particles that a set is thinned to.
+    Thinning = 10,
 }
 
 /// The family of random streams of one seed: a generator for every (frame, particle, purpose).

@@ -209,7 +209,7 @@ pub const FIELDS: &[Field] = &[
         "keyframes",
         0.0,
         50.0,
-        "after so many keyframes the recent path is drawn again; 0 never does",
+        "after so many keyframes the recent path is solved again; 0 never does",
         |c| c.filter.lag.into(),
     ),
     field(
@@ -218,7 +218,7 @@ pub const FIELDS: &[Field] = &[
         "keyframes",
         2.0,
         100.0,
-        "length of the recent path that is drawn again; never shorter than filter.lag",
+        "length of the recent path that is solved again; never shorter than filter.lag",
         |c| c.filter.window.into(),
     ),
     Field {

@@ -44,9 +44,9 @@ pub struct FilterSection {
     pub evolution_steps: u32,
     /// Linearisations of the pose proposal.
     pub iterations: u32,
-    /// Keyframes between new draws of the recent path; 0 draws none.
+    /// Keyframes between smoothings of the recent path; 0 never smooths it.
     pub lag: u32,
-    /// Keyframes whose path is drawn again.
+    /// Keyframes whose path is smoothed.
     pub window: u32,
 }
 

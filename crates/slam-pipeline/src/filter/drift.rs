@@ -10,7 +10,7 @@
 //!
 //! T_ta moves a rigid error from a to t, the rest is odometry. The surviving
 //! path is a draw from the posterior around a mean that is itself in error by as
-//! much: w_t ~ N(0, 2 Lambda^-1). Keyframes that are drawn again with their window have the errors of its Gaussian instead
+//! much: w_t ~ N(0, 2 Lambda^-1). Keyframes that are smoothed with their window have the errors of its Gaussian instead
 //! ([`Drift::settle`]). The joint covariance of all e is kept, so a
 //! closed loop ties the present to its old anchors. Calibration errors and
 //! landmarks that share later keyframes are not in it.
@@ -82,17 +82,17 @@ pub(crate) struct Drift {
     excesses: Vec<Matrix3<f64>>,
     /// Lower triangle by rows: row i holds cov(e_i, e_0) ... cov(e_i, e_i).
     rows: Vec<Vec<Matrix3<f64>>>,
-    /// The keyframes that are still drawn again.
+    /// The keyframes of the window.
     recent: Recent,
 }
 
-/// Whether the pose of a keyframe is drawn again.
+/// Whether the pose of a keyframe stays as it was drawn.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Draw {
-    /// It stays where it was drawn.
+    /// It does.
     Final,
-    /// It is, with its window ([`Drift::settle`]).
-    Again {
+    /// It is smoothed with its window ([`Drift::settle`]).
+    Smoothed {
         /// Covariance of the body that each particle leaves open.
         open: Matrix3<f64>,
     },
@@ -207,7 +207,7 @@ impl Drift {
                 fresh = match draw {
                     // The path that survives is one draw.
                     Draw::Final => support.covariance * 2.0,
-                    Draw::Again { .. } => support.covariance,
+                    Draw::Smoothed { .. } => support.covariance,
                 };
                 for (anchor, gain) in &support.gains {
                     let slot = self.slot(*anchor);
@@ -230,7 +230,7 @@ impl Drift {
         let own = row[count];
         let leave_here = match draw {
             Draw::Final => true,
-            Draw::Again { open } => {
+            Draw::Smoothed { open } => {
                 let gains = gains.iter().map(|(slot, g)| (self.kept[*slot], *g));
                 self.recent.push(gains.collect(), *open, &fresh);
                 false
@@ -344,7 +344,6 @@ impl Drift {
 
     /// The first `count` recent keyframes stay where they were drawn.
     pub(super) fn leave(&mut self, count: usize) {
-        let count = count.min(self.recent.steps.len());
         for i in 0..count {
             let Some(row) = self.place(i) else { continue };
             for j in 0..=i {

@@ -9,17 +9,13 @@
 
 use std::sync::Arc;
 
-use estimation_base::Manifold;
-use nalgebra::{DMatrix, DMatrixView, DVector, Matrix3, Rotation2, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, Rotation2, Vector2, Vector3};
 
-use super::landmark::{Landmark, Parametrisation};
-use super::motion::CONSTANTS;
+use super::landmark::Landmark;
 use super::particle::Particle;
-use super::pose::{CameraPose, PLANAR, POSE_DIM, PoseStep};
+use super::pose::{CameraPose, PLANAR};
 use super::segment::{SegmentDriver, WindowStep, recent_poses};
-use super::window_equations::{
-    Elimination, NormalEquations, PoseBlock, Unknowns, WindowProblem, row_of,
-};
+use super::window_equations::{Elimination, NormalEquations, Unknowns, WindowProblem, row_of};
 use super::window_landmarks::{Track, tracks};
 
 /// Steps tried, accepted or not.
@@ -41,53 +37,15 @@ pub(crate) struct SegmentGaussian {
     /// Lower Cholesky factor of the precision of the constants of the carrier and the stacked tangents together. What is below
     /// and right of the constants is G.
     pub(crate) factor: DMatrix<f64>,
-    /// The landmarks of the window, by identity.
-    pub(crate) landmarks: Vec<WindowLandmark>,
+    /// The landmarks of the window given the mean of the poses, with their identities.
+    pub(crate) landmarks: Vec<(u32, Landmark)>,
     /// Metres per unit.
     pub(crate) scale: f64,
     /// Where the camera was at the beginning, in the unit.
     start: Vector2<f64>,
 }
 
-/// A landmark given the poses: Gaussian with a mean that is affine in the tangents of some of them.
-#[derive(Debug, Clone)]
-pub(crate) struct WindowLandmark {
-    /// Identity.
-    pub(crate) id: u32,
-    parametrisation: Parametrisation,
-    /// Mean at the mean of the poses.
-    mean: Vector3<f64>,
-    covariance: Matrix3<f64>,
-    /// Derivatives of the mean by the tangents of poses of the window.
-    by_poses: Vec<(usize, SMatrix<f64, 3, POSE_DIM>)>,
-}
-
 impl SegmentGaussian {
-    /// Number of unknowns, six a pose.
-    #[must_use]
-    pub(crate) fn dimension(&self) -> usize {
-        self.factor.nrows() - CONSTANTS
-    }
-
-    /// Lower Cholesky factor G of the precision of the stacked tangents.
-    #[must_use]
-    pub(crate) fn precision_factor(&self) -> DMatrixView<'_, f64> {
-        let n = self.dimension();
-        self.factor.view((CONSTANTS, CONSTANTS), (n, n))
-    }
-
-    /// The stacked tangents G^-T `normal`: a draw about the mean, if `normal` is one of N(0, I). `None` when the factor is
-    /// singular.
-    #[must_use]
-    pub(crate) fn tangents(&self, normal: &DVector<f64>) -> Option<Vec<PoseStep>> {
-        let stacked = self.precision_factor().tr_solve_lower_triangular(normal)?;
-        Some(
-            (0..self.mean.len())
-                .map(|k| stacked.fixed_rows::<POSE_DIM>(POSE_DIM * k).into_owned())
-                .collect(),
-        )
-    }
-
     /// Covariance of the body poses (x, y, heading; metres, rad), three rows a keyframe, given the pose at the beginning, with
     /// the camera at `lever_m` from the body origin. A camera measures no length: the unit of the path and the scale err
     /// together, their product by much less. `None` when the factor is singular. O((6 L)^3).
@@ -110,56 +68,22 @@ impl SegmentGaussian {
         let whitened = self.factor.solve_lower_triangular(&by_unknowns)?;
         Some(whitened.tr_mul(&whitened))
     }
-
-    /// The path at `tangents`.
-    #[must_use]
-    pub(crate) fn path(&self, tangents: &[PoseStep]) -> Vec<CameraPose> {
-        self.mean
-            .iter()
-            .zip(tangents)
-            .map(|(mean, tangent)| mean.retract(tangent))
-            .collect()
-    }
 }
 
-impl WindowLandmark {
-    /// The landmark as the window leaves it, with the prior of its depth.
-    fn new(
-        track: &Track,
-        mean: &Vector3<f64>,
-        part: &Elimination,
-        blocks: &[(usize, PoseBlock)],
-    ) -> Option<Self> {
-        let (weight, guess) = track.depth;
-        let mut information = part.information;
-        information[(2, 2)] += weight;
-        let mut vector = part.vector;
-        vector.z += weight * (guess - mean.z);
-        let covariance = information.cholesky()?.inverse();
-        Some(Self {
-            id: track.id,
-            parametrisation: track.parametrisation,
-            mean: mean + covariance * vector,
-            covariance,
-            by_poses: blocks
-                .iter()
-                .map(|(k, block)| (*k, -covariance * block.transpose()))
-                .collect(),
-        })
-    }
-
-    /// The landmark on the path at `tangents`.
-    #[must_use]
-    pub(crate) fn at(&self, tangents: &[PoseStep]) -> Landmark {
-        Landmark {
-            parametrisation: self.parametrisation,
-            mean: self
-                .by_poses
-                .iter()
-                .fold(self.mean, |mean, (k, by)| mean + by * tangents[*k]),
-            covariance: self.covariance,
-        }
-    }
+/// A landmark as the window leaves it, with the prior of its depth, given the mean of the poses.
+fn landmark(track: &Track, mean: &Vector3<f64>, part: &Elimination) -> Option<(u32, Landmark)> {
+    let (weight, guess) = track.depth;
+    let mut information = part.information;
+    information[(2, 2)] += weight;
+    let mut vector = part.vector;
+    vector.z += weight * (guess - mean.z);
+    let covariance = information.cholesky()?.inverse();
+    let landmark = Landmark {
+        parametrisation: track.parametrisation,
+        mean: mean + covariance * vector,
+        covariance,
+    };
+    Some((track.id, landmark))
 }
 
 /// The Gaussian of the path of `steps` that starts in `start`; the adjustment begins on the path of `guess`, which has the same
@@ -195,8 +119,8 @@ pub(crate) fn segment_gaussian(
             .zip(&at.landmarks)
             .zip(normal.eliminated())
             .filter_map(|((track, mean), part)| {
-                let (part, blocks) = part?;
-                WindowLandmark::new(track, mean, part, blocks)
+                let (part, _) = part?;
+                landmark(track, mean, part)
             })
             .collect(),
         mean: at.poses,

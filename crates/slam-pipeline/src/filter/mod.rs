@@ -4,13 +4,14 @@
 //! odometry prior), [`metric`] (the scale and the position in metres), [`particle`] (all of them together),
 //! [`pixel_noise`] and [`observation`] (the measurements of a frame), [`linearised`] (statistical linearisation), [`likelihood`],
 //! [`proposal`], [`evolution`], [`landmark_moments`], [`landmark_update`], [`mapping`], [`segment`], [`window_landmarks`],
-//! [`window_equations`], [`window_settling`], [`local_batch`], [`redraw`], [`adaptation`], [`drift`], [`revisit`],
+//! [`window_equations`], [`window_settling`], [`local_batch`], [`fixed_lag`], [`adaptation`], [`drift`], [`revisit`],
 //! [`path_correction`].
 
 pub(crate) mod adaptation;
 pub(crate) mod drift;
 pub(crate) mod evolution;
 pub(crate) mod first_order;
+pub(crate) mod fixed_lag;
 mod focal;
 pub(crate) mod landmark;
 pub(crate) mod landmark_moments;
@@ -28,7 +29,6 @@ pub(crate) mod path_correction;
 pub(crate) mod pixel_noise;
 pub(crate) mod pose;
 pub(crate) mod proposal;
-pub(crate) mod redraw;
 pub(crate) mod revisit;
 pub(crate) mod segment;
 #[cfg(test)]

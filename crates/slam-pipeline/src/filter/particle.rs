@@ -70,7 +70,7 @@ pub(crate) struct Particle {
     /// Motion prior of the frame being processed; kept for the evolution moves
     /// and for the scale, shared between copies.
     pub(crate) prior: Option<Arc<Drawn>>,
-    /// Its state at the beginning of the window, from which its recent path may be drawn again.
+    /// Its state at the beginning of the window, from which its recent path is solved again.
     pub(crate) origin: Option<Arc<Particle>>,
 }
 

@@ -5,7 +5,7 @@ use mono_geometry::Se2;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rbpf_core::ParticleSet;
 
-use super::redraw::Settled;
+use super::fixed_lag::Settled;
 use super::{PoseEstimate, Slam};
 use crate::filter::drift::{Draw, Support, cover};
 use crate::filter::linearised::PosePosterior;
@@ -34,17 +34,22 @@ impl Slam {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.state.last.pose.phi);
         let odometry = turn.matrix() * control.covariance * turn.matrix().transpose();
         let draw = if self.lag() > 0 {
-            Draw::Again { open }
+            Draw::Smoothed { open }
         } else {
             Draw::Final
         };
         let mut drift = self.state.drift.push(&pose, support, &odometry, &draw);
-        if let Some(Settled { first, covariance }) = settled {
+        if let Some(Settled {
+            first,
+            covariance,
+            gone,
+        }) = settled
+        {
             let lever_m = self.rig.lever_m();
             let set = self.state.filter.set();
             self.state
                 .drift
-                .settle(*first, covariance.as_ref(), |keyframe| {
+                .settle(*first, covariance.as_ref(), *gone, |keyframe| {
                     spread_at(set, keyframe, &lever_m)
                 });
             drift = self.state.drift.last_covariance(&pose);

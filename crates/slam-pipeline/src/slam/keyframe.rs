@@ -5,9 +5,9 @@ use nalgebra::{Vector2, Vector3};
 use rbpf_core::{MapUpdate as _, ParticleFilter, StepStage};
 
 use super::feature_budget::strongest_unused;
+use super::fixed_lag::Settled;
 use super::ground::Ground;
 use super::lost::Lost;
-use super::redraw::Settled;
 use super::scoring_budget::spread_scoring;
 use super::window::Window;
 use super::{
@@ -43,7 +43,7 @@ pub(super) struct PlannedKeyframe {
     pub(super) control: Control,
     pub(super) adaptation: Adaptation,
     pub(super) window: Window,
-    /// The window, where it was drawn again.
+    /// The window, where it was solved again.
     pub(super) settled: Option<Settled>,
     /// Estimate at the keyframe before, corrected.
     pub(super) last: PoseEstimate,
@@ -209,7 +209,7 @@ impl Slam {
         report.n_eff = step.n_eff;
         report.resampled = step.resampled();
         report.es_acceptance = step.rejuvenation.acceptance();
-        let (window, settled) = self.redraw(&mut filter, window, observation, &mapping, report)?;
+        let (window, settled) = self.smooth(&mut filter, window, observation, &mapping, report)?;
         Ok((filter, window, settled))
     }
 

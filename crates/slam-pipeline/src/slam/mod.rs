@@ -11,6 +11,7 @@
 mod commit;
 mod estimate;
 mod feature_budget;
+mod fixed_lag;
 mod ground;
 mod keyframe;
 mod keyframe_policy;
@@ -21,7 +22,6 @@ mod memory;
 mod place;
 mod plan;
 mod recovery;
-mod redraw;
 mod report;
 mod results;
 mod revisit;

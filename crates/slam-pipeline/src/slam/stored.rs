@@ -89,8 +89,8 @@ fn check(state: &State, fresh: &State) -> Result<(), &'static str> {
         "the path of a particle has all keyframes",
     )?;
     rule(
-        state.window.drawn <= state.window.steps.len(),
-        "the last new draw lies in the window",
+        state.window.solved <= state.window.steps.len(),
+        "the steps that were solved lie in the window",
     )?;
     rule(
         set.particles().iter().all(|p| {

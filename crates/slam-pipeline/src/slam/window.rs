@@ -1,4 +1,4 @@
-//! The window of keyframes whose path may still be drawn again.
+//! The window of keyframes whose path is still solved again.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -10,6 +10,6 @@ use crate::filter::segment::WindowStep;
 pub(super) struct Window {
     #[serde(with = "crate::stored::arcs")]
     pub(super) steps: Vec<Arc<WindowStep>>,
-    /// Number of steps at the last new draw; zero before the first.
-    pub(super) drawn: usize,
+    /// Number of steps that have been solved once at least.
+    pub(super) solved: usize,
 }

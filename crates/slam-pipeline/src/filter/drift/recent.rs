@@ -1,9 +1,9 @@
-//! The keyframes that are still drawn again: their gains, and the errors that they make of their own.
+//! The keyframes of the window: their gains, and the errors that they make of their own.
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// The last keyframes, as long as they are drawn again.
+/// The last keyframes, as long as they are smoothed.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Recent {
     /// Index of the first.
@@ -64,8 +64,8 @@ impl Recent {
         }
     }
 
-    /// Forgets the first `count` keyframes; the errors of the others are from now on those given where the last of them was
-    /// drawn.
+    /// Forgets the first `count` keyframes; the errors of the others are from now on those given where the last of them
+    /// stays.
     pub(super) fn forget(&mut self, count: usize) {
         let known = count.checked_sub(1).and_then(|k| {
             let inverse = self.own(k, k).cholesky()?;

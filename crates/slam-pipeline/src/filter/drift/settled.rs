@@ -1,4 +1,4 @@
-//! The errors of the keyframes that are still drawn again.
+//! The errors of the keyframes of the window.
 //!
 //! When a window of the path is solved anew (page 13), the errors that its keyframes make of their own are those of the
 //! window's Gaussian, with covariance P, and no longer the sum of those of single keyframes: all sightings of a landmark tell of
@@ -6,8 +6,8 @@
 //!
 //! cov(e_i, e_j) = J_i cov(e, e) J_j^T + P_ij.
 //!
-//! The reported pose is a mean over many draws, so P counts once. A keyframe that leaves the window stays where it was drawn:
-//! its draw is another error with covariance P, which all that follows inherits.
+//! A keyframe that leaves the window stays at the mean, so P counts once, and all that follows inherits it. Where no window
+//! settled, it stays where it was drawn: the draw is another error with the same covariance.
 
 use mono_geometry::Se2;
 use nalgebra::{DMatrix, Matrix3};
@@ -15,34 +15,45 @@ use nalgebra::{DMatrix, Matrix3};
 use super::{Drift, cover, position};
 
 impl Drift {
-    /// The window from keyframe `first` on was drawn again: from `window`, the covariance of its body poses (metres, rad) given
-    /// its beginning, three rows each, where it settled. `spread` is the covariance between particles of a keyframe's body, as it
-    /// is now. O(keyframes kept x keyframes of the window x anchors).
+    /// The window from keyframe `first` on was solved again: from `window`, the covariance of its body poses (metres, rad) given
+    /// its beginning, three rows each, where it settled. Its first `gone` keyframes then leave it. `spread` is the covariance
+    /// between particles of a keyframe's body, as it is now. O(keyframes kept x keyframes of the window x anchors).
     pub(crate) fn settle(
         &mut self,
         first: u32,
         window: Option<&DMatrix<f64>>,
+        gone: usize,
         spread: impl Fn(u32) -> Matrix3<f64>,
     ) {
-        self.leave(first.saturating_sub(self.recent.first) as usize);
-        if let Some(window) = window {
-            let start = self.recent.first;
-            let row = |i: usize| {
-                (start + i as u32)
-                    .checked_sub(first)
-                    .map(|k| 3 * k as usize)
-            };
-            for (i, step) in self.recent.steps.iter_mut().enumerate() {
-                for (j, own) in step.own.iter_mut().enumerate() {
-                    if let (Some(i), Some(j)) = (row(i), row(j))
-                        && i + 3 <= window.nrows()
-                    {
-                        *own = window.fixed_view::<3, 3>(i, j).into_owned();
-                    }
+        self.leave(self.recent_before(first));
+        let left = self.recent_before(first + gone as u32);
+        let Some(window) = window else {
+            self.leave(left);
+            return self.carry_on(spread);
+        };
+        let start = self.recent.first;
+        let row = |i: usize| {
+            (start + i as u32)
+                .checked_sub(first)
+                .map(|k| 3 * k as usize)
+        };
+        for (i, step) in self.recent.steps.iter_mut().enumerate() {
+            for (j, own) in step.own.iter_mut().enumerate() {
+                if let (Some(i), Some(j)) = (row(i), row(j))
+                    && i + 3 <= window.nrows()
+                {
+                    *own = window.fixed_view::<3, 3>(i, j).into_owned();
                 }
             }
         }
         self.carry_on(spread);
+        self.recent.forget(left);
+    }
+
+    /// How many of the recent keyframes come before `keyframe`.
+    fn recent_before(&self, keyframe: u32) -> usize {
+        let count = keyframe.saturating_sub(self.recent.first) as usize;
+        count.min(self.recent.steps.len())
     }
 
     /// Derives the errors of the recent keyframes from those before them.
@@ -100,7 +111,7 @@ mod tests {
     use nalgebra::Vector2;
     use std::collections::BTreeMap;
 
-    const AGAIN: Draw = Draw::Again {
+    const SMOOTHED: Draw = Draw::Smoothed {
         open: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
@@ -111,7 +122,7 @@ mod tests {
     /// A robot that leans on the keyframe before with all matches, a metre further each time.
     fn driven(count: u32) -> Drift {
         let mut drift = Drift::keeping(64);
-        drift.push(&Se2::identity(), None, &Matrix3::zeros(), &AGAIN);
+        drift.push(&Se2::identity(), None, &Matrix3::zeros(), &SMOOTHED);
         for k in 1..count {
             step(&mut drift, k);
         }
@@ -124,7 +135,7 @@ mod tests {
             covariance: Matrix3::identity() * 1e-4,
         };
         let body = Se2::new(f64::from(k), 0.0, 0.0);
-        drift.push(&body, Some(&support), &Matrix3::zeros(), &AGAIN)
+        drift.push(&body, Some(&support), &Matrix3::zeros(), &SMOOTHED)
     }
 
     /// Any covariance of a window, entries of different sizes.
@@ -154,7 +165,7 @@ mod tests {
     fn a_settled_window_has_its_own_covariance_and_the_start_beside_it() {
         let mut drift = driven(6);
         let p = window(5, 1);
-        drift.settle(1, Some(&p), none);
+        drift.settle(1, Some(&p), 0, none);
         for i in 1..6 {
             for j in 1..=i {
                 let block = p.fixed_view::<3, 3>(3 * (i - 1), 3 * (j - 1)).into_owned();
@@ -172,18 +183,18 @@ mod tests {
         );
     }
 
-    /// A keyframe that leaves has the error of the mean and that of its draw, and those that follow carry both on.
+    /// A keyframe that leaves has the error of the mean, once, and those that follow carry it on.
     #[test]
-    fn a_keyframe_that_leaves_adds_its_draw_for_good() {
+    fn a_keyframe_that_leaves_stays_at_the_mean() {
         let mut drift = driven(6);
         let first = window(5, 1);
-        drift.settle(1, Some(&first), none);
+        drift.settle(1, Some(&first), 2, none);
         let second = window(3, 2);
-        drift.settle(3, Some(&second), none);
+        drift.settle(3, Some(&second), 0, none);
         let of =
             |m: &DMatrix<f64>, i: usize, j: usize| m.fixed_view::<3, 3>(3 * i, 3 * j).into_owned();
         for (i, j) in [(1, 1), (2, 1), (2, 2)] {
-            close(&drift.block(i, j), &(of(&first, i - 1, j - 1) * 2.0));
+            close(&drift.block(i, j), &of(&first, i - 1, j - 1));
         }
         let at = |k: f64| Vector2::new(k, 0.0);
         for i in 3..6 {
@@ -199,7 +210,7 @@ mod tests {
     #[test]
     fn an_unsettled_window_keeps_the_sum_of_single_errors() {
         let mut drift = driven(6);
-        drift.settle(4, None, none);
+        drift.settle(1, None, 3, none);
         let heading = |k: usize| drift.block(k, k)[(2, 2)];
         assert!((heading(3) - 6e-4).abs() < 1e-15);
         assert!((heading(5) - 8e-4).abs() < 1e-15);
@@ -214,12 +225,12 @@ mod tests {
         let at = Vector2::new(5.0, 0.0);
         close(&drift.covariance_of(5, &at), &wide);
         let p = window(5, 1);
-        drift.settle(1, Some(&p), none);
+        drift.settle(1, Some(&p), 0, none);
         close(
             &drift.covariance_of(5, &at),
             &p.fixed_view::<3, 3>(12, 12).into_owned(),
         );
-        drift.settle(1, Some(&p), |_| wide);
+        drift.settle(1, Some(&p), 0, |_| wide);
         let covered = drift.covariance_of(5, &at) - wide;
         assert!(covered.symmetric_eigenvalues().min() > -1e-12);
     }
@@ -232,7 +243,8 @@ mod tests {
             if k % 3 == 0 {
                 let first = k.saturating_sub(8).max(1);
                 let p = window((k + 1 - first) as usize, k);
-                drift.settle(first, Some(&p), none);
+                let gone = (k + 3).saturating_sub(8).max(1) - first;
+                drift.settle(first, Some(&p), gone as usize, none);
             }
             if k % 10 == 0 {
                 // Everything is known to be half as far off.

@@ -1,6 +1,7 @@
 //! The estimator against closed forms, brute force and Monte Carlo.
 
 pub(crate) mod common;
+mod fixed_lag;
 mod landmark;
 mod landmark_update;
 mod lens;
@@ -9,6 +10,5 @@ mod mapping;
 mod metric;
 mod motion;
 mod pose;
-mod redraw;
 mod revisit;
 mod window_covariance;

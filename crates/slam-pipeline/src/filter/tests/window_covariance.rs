@@ -9,7 +9,7 @@ use crate::filter::window_equations::row_of;
 use estimation_base::Manifold;
 use nalgebra::{DMatrix, DVector, Rotation2, Vector2, Vector3};
 
-use super::redraw::{STEPS, carrier, drive, driven, mapping};
+use super::fixed_lag::{STEPS, carrier, drive, driven, mapping};
 
 /// The scale is known to 5 %, and the unit of the path follows it: their product, the position in metres, is known much better than
 /// either. Compared with difference quotients of the metric body.

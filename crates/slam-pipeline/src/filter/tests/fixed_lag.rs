@@ -1,24 +1,23 @@
-//! The local batch against a dense oracle without elimination, and the new draw against the posterior of that oracle: in
-//! a nearly linear problem the draws have the exact posterior, so the draw leaves it invariant.
+//! The local batch against a dense oracle without elimination, and the smoothed path against the mean of that oracle.
 
 use crate::filter::pixel_noise::PixelNoise;
 use std::sync::Arc;
 
+use crate::filter::fixed_lag::FixedLag;
 use crate::filter::landmark::{InverseDepthPrior, Landmark, Parametrisation};
 use crate::filter::local_batch::segment_gaussian;
 use crate::filter::mapping::Mapping;
-use crate::filter::motion::CarrierModel;
+use crate::filter::motion::{CONSTANTS, CarrierModel};
 use crate::filter::observation::{FrameObservation, MatchedFeature, Scoring};
 use crate::filter::particle::Particle;
 use crate::filter::pose::{CameraPose, POSE_DIM, PoseStep};
-use crate::filter::redraw::PathRedraw;
 use crate::filter::segment::{SegmentDriver, WindowStep, recent_poses};
 use crate::method::LandmarkStart;
 use crate::rig::Rig;
 use estimation_base::Manifold;
 use mono_geometry::inverse_depth::{LandmarkGeometry, first_sighting};
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SVector, Vector2, Vector3};
-use rbpf_core::{MapUpdate as _, Streams};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
+use rbpf_core::MapUpdate as _;
 use ukf::SigmaPoints;
 
 use super::common::*;
@@ -296,7 +295,8 @@ fn val_the_local_batch_is_the_dense_solution() {
         )
         .unwrap();
         let (mean, covariance) = drive.oracle();
-        let factor = gaussian.precision_factor();
+        let n = mean.len();
+        let factor = gaussian.factor.view((CONSTANTS, CONSTANTS), (n, n));
         let got = (factor * factor.transpose()).try_inverse().unwrap();
         let difference = drive.stacked(&gaussian.mean) - &mean;
         for i in 0..mean.len() {
@@ -315,44 +315,35 @@ fn val_the_local_batch_is_the_dense_solution() {
     }
 }
 
+/// Every pose of the window takes the mean given all its images, the first as much as the last: later images reach back.
 #[test]
-fn new_draws_have_the_posterior_of_the_whole_window() {
+fn particles_take_the_posterior_mean_of_the_whole_window() {
     let drive = drive(50);
     let mapping = mapping(&drive.rig);
     let (origin, end) = (drive.start.snapshot(), driven(&drive));
-    let count = 3000;
-    let mut particles: Vec<Particle> = (0..count)
-        .map(|_| {
-            let mut p = end.clone();
-            p.origin = Some(origin.clone());
-            p
+    let mut particles: Vec<Particle> = (0..4)
+        .map(|_| Particle {
+            origin: Some(origin.clone()),
+            ..end.clone()
         })
         .collect();
-    let redraw = PathRedraw {
+    let smoother = FixedLag {
         driver: drive.driver(&mapping),
         steps: &drive.steps,
+        leaving: 0,
     };
-    let log_weights = vec![-(count as f64).ln(); count];
-    let redrawn = redraw.apply(&mut particles, &log_weights, &Streams::new(9), 7);
-    assert!(redrawn.log_increments.iter().all(|i| i.abs() < 1e-9));
-    assert_eq!(redrawn.unsettled, 0);
+    let smoothed = smoother.smooth(&mut particles, &[0.25_f64.ln(); 4]);
+    assert!(smoothed.log_increments.iter().all(|i| i.abs() < 1e-9));
+    assert_eq!(smoothed.unsettled, 0);
     let (mean, covariance) = drive.oracle();
-    // Every pose of the window, the first as much as the last: later images reach back.
-    for k in 0..STEPS {
-        let at = mean.fixed_rows::<6>(6 * k).into_owned();
-        let draws: Vec<SVector<f64, 6>> = particles
-            .iter()
-            .map(|p| {
-                let pose = p.path.get(1 + k).unwrap().pose;
-                drive.poses[k].local(&pose) - at
-            })
-            .collect();
-        let block = covariance.fixed_view::<6, 6>(6 * k, 6 * k).into_owned();
-        assert_sample_covariance(&draws, &block, 0.02);
-    }
     for p in &particles {
         assert_eq!(p.path.len(), 1 + STEPS);
         assert_eq!(p.pose, p.path.last().unwrap().pose);
+        let off = drive.stacked(&recent_poses(p, STEPS)) - &mean;
+        for i in 0..mean.len() {
+            let sigma = covariance[(i, i)].sqrt();
+            assert!(off[i].abs() < 0.02 * sigma, "{i}: {} of {sigma}", off[i]);
+        }
         assert!(
             p.map.get(11).is_some(),
             "the landmarks of the window are mapped"
@@ -374,14 +365,15 @@ fn a_family_shares_the_mean_of_its_weights() {
         })
         .collect();
     let weights = [0.1, 0.3, 0.4, 0.2_f64];
-    let redraw = PathRedraw {
+    let smoother = FixedLag {
         driver: drive.driver(&mapping),
         steps: &drive.steps,
+        leaving: 0,
     };
-    let redrawn = redraw.apply(&mut particles, &weights.map(f64::ln), &Streams::new(1), 3);
+    let smoothed = smoother.smooth(&mut particles, &weights.map(f64::ln));
     let after: Vec<f64> = weights
         .iter()
-        .zip(&redrawn.log_increments)
+        .zip(&smoothed.log_increments)
         .map(|(w, i)| w * i.exp())
         .collect();
     for (got, expected) in after.iter().zip([0.2, 0.2, 0.4, 0.2]) {
@@ -389,7 +381,8 @@ fn a_family_shares_the_mean_of_its_weights() {
     }
     // A particle without an earlier state keeps its path.
     assert_eq!(particles[3].pose, drive.poses[STEPS - 1]);
-    assert_ne!(particles[0].pose, particles[1].pose);
+    assert_eq!(particles[0].pose, particles[1].pose);
+    assert_ne!(particles[0].pose, drive.poses[STEPS - 1]);
 }
 
 #[test]
@@ -401,42 +394,44 @@ fn a_window_without_a_solution_is_counted_and_leaves_its_particles() {
     let mut particle = driven(&drive);
     particle.origin = Some(drive.start.snapshot());
     let mut particles = [particle.clone(), particle];
-    let redraw = PathRedraw {
+    let smoother = FixedLag {
         driver: drive.driver(&mapping),
         steps: &steps,
+        leaving: 0,
     };
-    let redrawn = redraw.apply(&mut particles, &[0.5_f64.ln(); 2], &Streams::new(1), 3);
-    assert_eq!(redrawn.unsettled, 1);
-    assert_eq!(redrawn.log_increments, [0.0; 2]);
+    let smoothed = smoother.smooth(&mut particles, &[0.5_f64.ln(); 2]);
+    assert_eq!(smoothed.unsettled, 1);
+    assert_eq!(smoothed.log_increments, [0.0; 2]);
     for p in &particles {
         assert_eq!(p.pose, drive.poses[STEPS - 1]);
     }
 }
 
-/// The map of a new draw against the map that the landmark filters make along the same path, which knows nothing of the batch.
+/// The map of a smoothed path against the map that the landmark filters make along the same path, which knows nothing of the batch.
 #[test]
-fn val_the_map_of_a_new_draw_is_that_of_a_drive_along_its_path() {
+fn val_the_map_of_a_smoothed_path_is_that_of_a_drive_along_it() {
     let drive = drive(53);
     let mapping = mapping(&drive.rig);
     let mut particle = driven(&drive);
     let origin = drive.start.snapshot();
     particle.origin = Some(origin.clone());
     let mut particles = [particle];
-    let redraw = PathRedraw {
+    let smoother = FixedLag {
         driver: drive.driver(&mapping),
         steps: &drive.steps,
+        leaving: 0,
     };
-    let redrawn = redraw.apply(&mut particles, &[0.0], &Streams::new(4), 3);
-    assert_eq!(redrawn.unsettled, 0);
-    let [drawn] = particles;
-    let poses = recent_poses(&drawn, STEPS);
+    let smoothed = smoother.smooth(&mut particles, &[0.0]);
+    assert_eq!(smoothed.unsettled, 0);
+    let [found] = particles;
+    let poses = recent_poses(&found, STEPS);
     assert_ne!(poses, drive.poses);
-    let expected = redraw.driver.drive(&origin, &drive.steps, &poses);
-    assert_eq!(drawn.path.len(), expected.path.len());
-    assert_eq!(drawn.pose, expected.pose);
-    assert_eq!(drawn.metric, expected.metric);
+    let expected = smoother.driver.drive(&origin, &drive.steps, &poses);
+    assert_eq!(found.path.len(), expected.path.len());
+    assert_eq!(found.pose, expected.pose);
+    assert_eq!(found.metric, expected.metric);
     for id in 0..12 {
-        let (got, expected) = (drawn.map.get(id).unwrap(), expected.map.get(id).unwrap());
+        let (got, expected) = (found.map.get(id).unwrap(), expected.map.get(id).unwrap());
         assert_eq!(got.parametrisation, expected.parametrisation);
         for axis in 0..3 {
             let sigma = expected.covariance[(axis, axis)].sqrt();
@@ -451,38 +446,51 @@ fn val_the_map_of_a_new_draw_is_that_of_a_drive_along_its_path() {
     }
 }
 
-/// The state at which the next window begins is that of the particle on its own path, and shared by those that took it
-/// together.
+/// The state at which the next window begins lies on the mean path, and a family has one; without a solution, on the path of the
+/// likeliest of the family.
 #[test]
-fn origins_move_on_along_the_path_of_their_particles() {
+fn origins_move_on_along_the_mean() {
     let drive = drive(54);
     let mapping = mapping(&drive.rig);
     let origin = drive.start.snapshot();
-    let mut particles: Vec<Particle> = (0..3)
-        .map(|_| Particle {
-            origin: Some(origin.clone()),
-            ..driven(&drive)
+    let family = || {
+        [0.2, 0.8].map(|stretch| {
+            let mut poses = drive.poses.clone();
+            poses[0].centre.x += 1e-3 * stretch;
+            let driver = drive.driver(&mapping);
+            Particle {
+                origin: Some(origin.clone()),
+                ..driver.drive(&drive.start, &drive.steps, &poses)
+            }
         })
-        .collect();
-    let redraw = PathRedraw {
-        driver: drive.driver(&mapping),
-        steps: &drive.steps,
     };
-    let _ = redraw.apply(&mut particles, &[0.0; 3], &Streams::new(4), 3);
-    particles[1] = particles[0].clone();
-    redraw.advance(&mut particles, 2);
-    let origins: Vec<_> = particles
-        .iter()
-        .map(|p| p.origin.clone().unwrap())
-        .collect();
-    assert!(Arc::ptr_eq(&origins[0], &origins[1]));
-    assert!(!Arc::ptr_eq(&origins[1], &origins[2]));
-    for (p, origin) in particles.iter().zip(&origins) {
-        assert_eq!(origin.path.len(), 3);
+    let mut blind = drive.steps.clone();
+    for step in &mut blind {
+        Arc::make_mut(step).observation.matches.clear();
+    }
+    for steps in [&drive.steps, &blind] {
+        let before = family();
+        let mut particles = before.clone();
+        let smoother = FixedLag {
+            driver: drive.driver(&mapping),
+            steps,
+            leaving: 2,
+        };
+        let log_weights = [0.4_f64.ln(), 0.6_f64.ln()];
+        let smoothed = smoother.smooth(&mut particles, &log_weights);
+        assert_eq!(smoothed.unsettled, 0);
+        let [first, second] = particles.map(|p| (p.origin.clone().unwrap(), p));
+        assert!(Arc::ptr_eq(&first.0, &second.0));
+        let on = if smoothed.covariance.is_some() {
+            &first.1
+        } else {
+            &before[1]
+        };
+        assert_eq!(first.0.path.len(), 3);
         for k in 0..3 {
-            assert_eq!(origin.path.get(k), p.path.get(k));
+            let (found, expected) = (first.0.path.get(k), on.path.get(k));
+            assert_eq!(found.map(|f| f.pose), expected.map(|e| e.pose));
         }
-        assert!(origin.map.get(11).is_some());
     }
 }
 

@@ -1,8 +1,9 @@
-//! The new draw of the recent path, when it is due.
+//! Smoothing of the recent path, when it is due.
 //!
-//! Every `lag` keyframes the path of all particles since their origins, up to `window` keyframes, is drawn again (see
-//! [`crate::filter::redraw`]). The first window reaches back to the start, whose depths are only known once there is parallax.
-//! Later ones begin in at most [`ORIGINS`] different states, drawn in proportion to the weights: each costs a local batch.
+//! Every `lag` keyframes the path of all particles since their origins, up to `window` keyframes, is solved again (see
+//! [`crate::filter::fixed_lag`]). The first window reaches back to the start, whose depths are only known once there is parallax,
+//! and the particles share its beginning. After a robot was lost they may differ; then at most [`ORIGINS`] states are kept, drawn
+//! in proportion to the weights: each costs a local batch.
 
 use std::sync::Arc;
 
@@ -11,25 +12,27 @@ use rbpf_core::{ParticleFilter, Purpose};
 
 use super::window::Window;
 use super::{FrameReport, Slam, SlamError, filter_error};
+use crate::filter::fixed_lag::{FixedLag, origins};
 use crate::filter::landmark::InverseDepthPrior;
 use crate::filter::mapping::Mapping;
 use crate::filter::observation::FrameObservation;
 use crate::filter::particle::Particle;
-use crate::filter::redraw::{PathRedraw, origins};
 use crate::filter::segment::{SegmentDriver, WindowStep};
 use crate::method::Evolution;
 
-/// The note of a frame whose new draw left some particles as they were.
+/// The note of a frame whose smoothing left some particles as they were.
 const UNSETTLED: &str = "a local batch did not settle: its particles keep their recent path";
 /// States in which a window begins, at most.
 const ORIGINS: usize = 4;
 
-/// A window that was drawn again.
+/// A window that was solved again.
 pub(super) struct Settled {
     /// Its first keyframe.
     pub(super) first: u32,
     /// Covariance of its body poses, where it settled.
     pub(super) covariance: Option<DMatrix<f64>>,
+    /// Keyframes that have left it since, along its mean.
+    pub(super) gone: usize,
 }
 
 impl Slam {
@@ -45,8 +48,8 @@ impl Slam {
         Window::default()
     }
 
-    /// The window with one more keyframe, after the new draw when it is due.
-    pub(super) fn redraw(
+    /// The window with one more keyframe, smoothed when it is due.
+    pub(super) fn smooth(
         &self,
         filter: &mut ParticleFilter<Particle>,
         mut window: Window,
@@ -65,12 +68,9 @@ impl Slam {
             observation: observation.clone(),
             carrier: self.carrier(),
         }));
-        if window.steps.len() < window.drawn + lag {
+        if window.steps.len() < window.solved + lag {
             return Ok((window, None));
         }
-        // Origins move on so that the window keeps its length, over steps that have been drawn once at least.
-        let most = self.config.filter.window as usize;
-        let gone = window.steps.len().saturating_sub(most).min(window.drawn);
         let frame = self.state.frame;
         let streams = *filter.streams();
         let driver = SegmentDriver {
@@ -78,39 +78,41 @@ impl Slam {
             mapping,
             depth: InverseDepthPrior::beyond(self.config.mapping.min_depth_m),
         };
-        if gone > 0 || origins(filter.set().particles()) > ORIGINS {
-            let mut rng = streams.shared(frame as u64, Purpose::PathRedraw);
+        if origins(filter.set().particles()) > ORIGINS {
+            let mut rng = streams.shared(frame as u64, Purpose::Thinning);
             filter
                 .thin(frame as u64, ORIGINS, &mut rng)
                 .map_err(|e| filter_error(frame, e))?;
-            let before = PathRedraw {
-                driver,
-                steps: &window.steps,
-            };
-            before.advance(filter.particles_mut(), gone);
-            window.steps.drain(..gone);
         }
-        let redraw = PathRedraw {
+        // The window keeps its length.
+        let most = self.config.filter.window as usize;
+        let gone = (window.steps.len() + lag)
+            .saturating_sub(most)
+            .min(window.steps.len() - 1);
+        let smoother = FixedLag {
             driver,
             steps: &window.steps,
+            leaving: gone,
         };
         let log_weights = filter.set().log_weights().to_vec();
-        let redrawn = redraw.apply(filter.particles_mut(), &log_weights, &streams, frame as u64);
+        let smoothed = smoother.smooth(filter.particles_mut(), &log_weights);
         filter
-            .reweight(&redrawn.log_increments)
+            .reweight(&smoothed.log_increments)
             .map_err(|e| filter_error(frame, e))?;
-        if redrawn.unsettled > 0 {
+        if smoothed.unsettled > 0 {
             report.notes.push(UNSETTLED.to_owned());
         }
-        window.drawn = window.steps.len();
         let settled = Settled {
-            first: self.state.keyframe + 1 - window.drawn as u32,
-            covariance: redrawn.covariance,
+            first: self.state.keyframe + 1 - window.steps.len() as u32,
+            covariance: smoothed.covariance,
+            gone,
         };
+        window.steps.drain(..gone);
+        window.solved = window.steps.len();
         Ok((window, Some(settled)))
     }
 
-    /// Keyframes between new draws; zero for a method that has none.
+    /// Keyframes between smoothings; zero for a method that has none.
     pub(super) fn lag(&self) -> usize {
         match self.policies.evolution {
             Evolution::MetropolisHastings => self.config.filter.lag as usize,
