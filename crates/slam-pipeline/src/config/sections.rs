@@ -221,7 +221,7 @@ impl Default for FilterSection {
     fn default() -> Self {
         Self {
             method: Method::Exact,
-            particles: 30,
+            particles: 10,
             seed: 1,
             threads: 0,
             resampling_threshold: 0.6,
