@@ -14,6 +14,7 @@ use slam_pipeline::PoseEstimate;
 use crate::constants::{Constant, Constants};
 use crate::fold::rotation;
 use crate::problem::Problem;
+use crate::process_noise::NoiseFactors;
 use crate::state::{FIXED, HEADING, Layout, State, lever};
 
 /// How well a solution fits.
@@ -77,6 +78,8 @@ pub struct Solution {
     pub constants: Vec<LearnedConstant>,
     /// Landmarks at a finite distance.
     pub landmarks: Vec<BatchLandmark>,
+    /// Process noise over the stated one; above one where the residuals asked for it.
+    pub noise: NoiseFactors,
     /// How well it fits.
     pub fit: Fit,
     /// Iterations made.
@@ -157,6 +160,7 @@ impl Solution {
             attitudes,
             constants,
             landmarks,
+            noise: NoiseFactors::NOMINAL,
             fit,
             iterations,
             converged,

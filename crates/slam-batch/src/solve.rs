@@ -17,6 +17,7 @@ use crate::error::BatchError;
 use crate::landmark::{Landmark, Pixels};
 use crate::pixel::{Seen, Sensor, View};
 use crate::problem::{Problem, Track};
+use crate::process_noise::{MotionSquares, NoiseFactors};
 use crate::solution::{Fit, Solution};
 use crate::state::{Layout, State};
 use crate::system::{Beliefs, Motion, System, squares};
@@ -25,12 +26,17 @@ use crate::system::{Beliefs, Motion, System, squares};
 const NO_PROMISE: f64 = 1e-3;
 /// Damping at which no step is left to try.
 const STUCK: f64 = 1e8;
+/// Times the problem is solved again with more process noise, at most.
+const WIDENINGS: usize = 3;
 /// Inverse depths that no parallax shows stay within this many times that of the nearest landmark.
 const OPEN_DEPTHS: f64 = 10.0;
 
 /// Solves a problem.
 ///
-/// Time is that of 10 to 15 iterations of O(sightings x keyframes that share a landmark + unknowns^3 / 6), and of one
+/// Where the residuals of the motions are larger than the stated process noise allows, the noise grows and the problem is solved
+/// again, three times at most: see [`Solution::noise`].
+///
+/// Time of each is that of 10 to 15 iterations of O(sightings x keyframes that share a landmark + unknowns^3 / 6), and of one
 /// inverse for the covariance. The answer is the same, bit for bit, on every call.
 ///
 /// # Errors
@@ -78,6 +84,26 @@ const OPEN_DEPTHS: f64 = 10.0;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
+    let (mut best, mut squares) = solve_once(problem)?;
+    let mut widened = problem.clone();
+    for _ in 0..WIDENINGS {
+        let factors = squares.factors();
+        if factors == NoiseFactors::NOMINAL {
+            break;
+        }
+        widened.model = widened.model.widened(&factors);
+        let (mut next, after) = solve_once(&widened)?;
+        if best.converged && !next.converged {
+            break;
+        }
+        next.noise = best.noise.then(&factors);
+        (best, squares) = (next, after);
+    }
+    Ok(best)
+}
+
+/// The solution with the noise as the model states it, and the squares of the residuals of its motions.
+fn solve_once(problem: &Problem) -> Result<(Solution, MotionSquares), BatchError> {
     problem.check()?;
     let layout = Layout::new(problem);
     let motions = motions(problem)?;
@@ -161,7 +187,7 @@ impl Estimate {
 }
 
 impl Iteration<'_> {
-    fn run(&self) -> Result<Solution, BatchError> {
+    fn run(&self) -> Result<(Solution, MotionSquares), BatchError> {
         let mut best = self.first()?;
         let mut system = System::new(self.layout.size);
         let mut damping = 1e-6;
@@ -214,7 +240,10 @@ impl Iteration<'_> {
             degrees_of_freedom: (2 * sightings)
                 .saturating_sub(3 * best.landmarks.len() + self.layout.size),
         };
-        Ok(Solution::new(
+        let squares = self
+            .beliefs
+            .motion_squares(&best.state, self.layout, &self.lever_m);
+        let solution = Solution::new(
             self.problem,
             self.layout,
             &best.state,
@@ -223,7 +252,8 @@ impl Iteration<'_> {
             fit,
             iterations,
             converged,
-        ))
+        );
+        Ok((solution, squares))
     }
 
     fn pixels(&self, state: &State) -> Result<Pixels<'_>, BatchError> {

@@ -18,6 +18,7 @@ use crate::landmark::{Landmark, Pixels};
 use crate::motion::motion_error;
 use crate::pixel::{BEHIND_SIGMAS, CALIBRATION, Seen, View};
 use crate::problem::Model;
+use crate::process_noise::MotionSquares;
 use crate::state::{FIXED, HEADING, HEIGHT, Layout, PITCH, POSE, ROLL, State};
 
 /// Positions and angles repeat no better than these, metres and radians: the floors of the filter's motion prior.
@@ -126,6 +127,44 @@ impl Beliefs<'_> {
             }
         }
         all
+    }
+
+    /// Sums of the squared residuals of the motions by axis; `lever_m` is the nominal arm of the camera.
+    pub(crate) fn motion_squares(
+        &self,
+        state: &State,
+        layout: &Layout,
+        lever_m: &nalgebra::Vector2<f64>,
+    ) -> MotionSquares {
+        let constants = &state.constants;
+        let lever = lever_m
+            + nalgebra::Vector2::new(constants[Constant::LeverX], constants[Constant::LeverY]);
+        let mut sums = MotionSquares {
+            motions: self.motions.len(),
+            ..MotionSquares::default()
+        };
+        for motion in self.motions {
+            let mut rows = Vec::new();
+            self.motion(motion, state, layout, &lever, &mut rows);
+            self.carrier(motion, state, layout, &mut rows);
+            // Each axis by itself: an error sideways is none of the heading, however the two go together in an arc.
+            let whitened = Vector3::from_fn(|i, _| rows[i].0);
+            let axis = |j: usize| {
+                let row = motion.factor.row(j);
+                (row * whitened).x / row.norm()
+            };
+            sums.sideways += axis(1).powi(2);
+            sums.heading += axis(2).powi(2);
+            let mut square = rows[3..].iter().map(|(residual, _)| residual * residual);
+            let mut next = || square.next().unwrap_or(0.0);
+            if self.model.tilt_sigma > 0.0 {
+                sums.tilt += 0.5 * (next() + next());
+            }
+            if self.model.slope_sigma > 0.0 {
+                sums.height += next();
+            }
+        }
+        sums
     }
 
     fn motion(
