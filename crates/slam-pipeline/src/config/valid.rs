@@ -58,7 +58,7 @@ mod tests {
             shown("method"),
             format!("\"{}\"", config.filter.method.name())
         );
-        assert_eq!(shown("particles"), "30");
+        assert_eq!(shown("particles"), "10");
         assert_eq!(shown("contrast_threshold"), "0.04");
         assert_eq!(shown("edge_ratio"), "10.0");
         assert_eq!(shown("min_parallax_px"), "8.0");
