@@ -92,7 +92,10 @@ pub fn solve(problem: &Problem) -> Result<Solution, BatchError> {
             break;
         }
         widened.model = widened.model.widened(&factors);
-        let (mut next, after) = solve_once(&widened)?;
+        // What was found stands where the wider one is not.
+        let Ok((mut next, after)) = solve_once(&widened) else {
+            break;
+        };
         if best.converged && !next.converged {
             break;
         }
