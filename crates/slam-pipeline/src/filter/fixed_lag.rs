@@ -5,8 +5,8 @@
 //! is solved again from the state at its beginning and *all* measurements since, and the particles take the mean of that
 //! Gaussian ([`segment_gaussian`]), path and map. What leaves the window stays at the mean for good.
 //!
-//! The mean of a distribution in the place of a draw from it is one more step of Rao and Blackwell: the estimate that follows has no
-//! greater variance, and where model and measurements are linear and Gaussian it is that of the whole posterior. A draw
+//! The mean of a distribution in the place of a draw from it is one more step of Rao and Blackwell: the estimate of the window has
+//! no greater variance, and where model and measurements are linear and Gaussian it is exact, given the beginning. A draw
 //! would be kept when it leaves the window, and all that follows would lean on it. The spread that the
 //! particles lose is that of the Gaussian, which the reported covariance carries on ([`super::drift`]).
 //!
